@@ -9,6 +9,7 @@
 pub mod axis;
 pub mod command;
 pub mod fault;
+pub mod motion;
 pub mod record;
 pub mod sample;
 pub mod setpoint;

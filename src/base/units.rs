@@ -87,8 +87,8 @@ mod tests {
 
     #[test]
     fn units_convert_at_the_door() {
-        assert_eq!(Velocity::mm_per_min(2000.0).as_mm_per_s(), 2000.0 / 60.0);
-        assert_eq!(Position::um(25.0).as_mm(), 0.025);
+        assert!((Velocity::mm_per_min(2000.0).as_mm_per_s() - 33.333_333_333).abs() < 1e-9);
+        assert!((Position::um(25.0).as_mm() - 0.025).abs() < 1e-15);
     }
 
     #[test]
