@@ -1,0 +1,212 @@
+//! The physics of one axis, written once: two masses on a ball screw, stick-slip friction at the
+//! table, a motor behind its current loop.
+//!
+//! | who | uses it for |
+//! |---|---|
+//! | `sim` | the axis behind a simulated board |
+//! | `rt/control` | friction and inertia feed-forward, expected torque |
+//! | `offline` | loop margins, identification, tuning, gap |
+//!
+//! [`Plant::step`] advances one servo tick by exact maps (`maps.rs`): one step of the tick while the
+//! table runs, ten while it creeps or sticks. The friction force is predicted at the start of a step
+//! and corrected by its mean over the step; the table sticks when its velocity changes sign within
+//! `F_max` and tears loose when `|K d + C v_m|` exceeds it. Against a step 25 times smaller this holds
+//! the protrusion of a circle within a few nanometres (`cargo bench --bench plant`).
+//! Invariant: pure functions of parameters, state, input and time step; no clock, no randomness.
+
+pub mod encoder;
+pub mod friction;
+mod maps;
+pub mod params;
+pub mod response;
+
+pub use params::{Actuator, Mechanics, Parameters};
+
+use crate::base::time::Span;
+use crate::base::units::{Acceleration, Current, Force, Position, Torque, Velocity};
+use friction::Law;
+use maps::{Motion, StepMaps};
+
+/// Steps of a tick while the table creeps or sticks.
+pub const FINE_STEPS: u32 = 10;
+/// Table speed above which one step spans the tick: four times the default `D_v`.
+const CREEP: Velocity = Velocity::mm_per_s(2.0);
+/// Longest dead time of the actuator, in ticks.
+pub const DEAD_TICKS_MAX: usize = 8;
+
+/// What the axis does at this instant, in travel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct State {
+    /// Of the motor, from where the axis stood at the start.
+    pub motor_position: Position,
+    /// Of the motor.
+    pub motor_velocity: Velocity,
+    /// Of the table.
+    pub table_position: Position,
+    /// Of the table.
+    pub table_velocity: Velocity,
+    /// Behind the current loop.
+    pub current: Current,
+    /// Whether friction holds the table.
+    pub is_stuck: bool,
+}
+
+/// A part of the tick with one held command: its maps in one step and in fine steps.
+#[derive(Clone, Debug)]
+struct Part {
+    whole: StepMaps,
+    fine: StepMaps,
+    fine_steps: u32,
+}
+
+impl Part {
+    fn new(axis: &Parameters, length_s: f64, fine_steps: u32) -> Self {
+        Self {
+            whole: StepMaps::new(axis, length_s),
+            fine: StepMaps::new(axis, length_s / f64::from(fine_steps)),
+            fine_steps,
+        }
+    }
+}
+
+/// What moves: state and the constants that decide between sticking and sliding.
+#[derive(Clone, Debug)]
+struct Body {
+    law: Law,
+    stiffness_n_per_m: f64,
+    damping_n_s_per_m: f64,
+    motion: Motion,
+    /// -1 or +1 while the table slides, 0 while it sticks.
+    slide: f64,
+}
+
+/// One axis in motion.
+#[derive(Clone, Debug)]
+pub struct Plant {
+    force_per_current: f64,
+    peak_a: f64,
+    /// Commands on their way through the dead time, newest first, as forces in N.
+    pending_n: [f64; DEAD_TICKS_MAX + 1],
+    dead_ticks: usize,
+    /// The part of the tick that still sees the older command; absent without a fraction of a tick.
+    early: Option<Part>,
+    late: Part,
+    body: Body,
+}
+
+impl Plant {
+    /// An axis at rest that is stepped at `tick`.
+    ///
+    /// # Panics
+    /// When the dead time reaches [`DEAD_TICKS_MAX`] ticks (checked by `config`).
+    pub fn new(axis: &Parameters, tick: Span) -> Self {
+        Self::with_fine_steps(axis, tick, FINE_STEPS)
+    }
+
+    /// The same with another number of fine steps in a tick: the convergence benchmark and tests.
+    pub fn with_fine_steps(axis: &Parameters, tick: Span, fine_steps: u32) -> Self {
+        let dead_ticks = (axis.actuator.dead_time / tick) as usize;
+        assert!(dead_ticks < DEAD_TICKS_MAX, "dead time of more than {DEAD_TICKS_MAX} ticks");
+        let late_by_s = (axis.actuator.dead_time - tick * dead_ticks as i64).as_s();
+        Self {
+            force_per_current: axis.actuator.torque_constant_nm_per_a * axis.mechanics.force_per_torque(),
+            peak_a: axis.actuator.peak_current.as_a(),
+            pending_n: [0.0; DEAD_TICKS_MAX + 1],
+            dead_ticks,
+            early: (late_by_s > 0.0).then(|| Part::new(axis, late_by_s, fine_steps)),
+            late: Part::new(axis, tick.as_s() - late_by_s, fine_steps),
+            body: Body {
+                law: Law::new(axis.friction),
+                stiffness_n_per_m: axis.mechanics.stiffness_n_per_m,
+                damping_n_s_per_m: axis.mechanics.damping_n_s_per_m,
+                motion: [0.0; 5],
+                slide: 0.0,
+            },
+        }
+    }
+
+    /// What it does now.
+    pub fn state(&self) -> State {
+        let [deflection, motor_velocity, table_velocity, force, motor_position] = self.body.motion;
+        State {
+            motor_position: Position::m(motor_position),
+            motor_velocity: Velocity::m_per_s(motor_velocity),
+            table_position: Position::m(motor_position - deflection),
+            table_velocity: Velocity::m_per_s(table_velocity),
+            current: Current::a(force / self.force_per_current),
+            is_stuck: self.body.slide == 0.0,
+        }
+    }
+
+    /// One tick with a current command, held over the tick. The drive makes at most its peak current;
+    /// returns whether it had to hold the command back.
+    pub fn step(&mut self, command: Current) -> bool {
+        let held_a = command.as_a().clamp(-self.peak_a, self.peak_a);
+        self.pending_n.copy_within(0..self.dead_ticks + 1, 1);
+        self.pending_n[0] = held_a * self.force_per_current;
+        if let Some(early) = &self.early {
+            self.body.advance(early, self.pending_n[self.dead_ticks + 1]);
+        }
+        self.body.advance(&self.late, self.pending_n[self.dead_ticks]);
+        held_a != command.as_a()
+    }
+}
+
+impl Body {
+    fn advance(&mut self, part: &Part, command_n: f64) {
+        if self.slide != 0.0 && self.table_speed() > CREEP.as_m_per_s() {
+            let end = self.slid(&part.whole.slip, command_n);
+            if end[2] * self.slide > 0.0 {
+                self.motion = end;
+                return;
+            }
+            // It would reverse within the tick: take it again in fine steps.
+        }
+        for _ in 0..part.fine_steps {
+            self.fine_step(&part.fine, command_n);
+        }
+    }
+
+    fn fine_step(&mut self, maps: &StepMaps, command_n: f64) {
+        if self.slide == 0.0 {
+            self.motion = maps.stick.apply(&self.motion, command_n, 0.0);
+        } else {
+            self.motion = self.slid(&maps.slip, command_n);
+            if self.motion[2] * self.slide > 0.0 {
+                return;
+            }
+            self.slide = 0.0;
+            self.motion[2] = 0.0;
+        }
+        let pull_n = self.pull_n();
+        if pull_n.abs() > self.law.breakaway().as_n() {
+            self.slide = pull_n.signum();
+        }
+    }
+
+    /// The state after sliding for one step: friction predicted at its start, corrected by its mean.
+    #[inline]
+    fn slid(&self, map: &maps::Map, command_n: f64) -> Motion {
+        let start_n = self.law.magnitude_n(self.table_speed());
+        let mut end = map.apply(&self.motion, command_n, start_n * self.slide);
+        let end_speed = end[2] * self.slide;
+        let slower = end_speed.min(self.table_speed());
+        if !self.law.is_flat_above(slower) {
+            let end_n = self.law.magnitude_n(end_speed.max(0.0));
+            map.correct(&mut end, 0.5 * (end_n - start_n) * self.slide);
+        }
+        end
+    }
+
+    fn table_speed(&self) -> f64 {
+        self.motion[2].abs()
+    }
+
+    /// Force of the screw on the table at rest, N.
+    fn pull_n(&self) -> f64 {
+        self.stiffness_n_per_m * self.motion[0] + self.damping_n_s_per_m * self.motion[1]
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests;

@@ -1,0 +1,103 @@
+//! What one axis is made of: mechanics, friction and actuator, with the relations between its motor
+//! side and its table side.
+//!
+//! Motor quantities are carried over to the table through the screw: with `r = lead / 2π`, a torque
+//! `T` pushes with `η T / r` (Eq. 4), and an inertia `J` weighs `η J / r²`.
+//! Invariant: a parameter's unit is in its name; who checks ranges is `config`.
+
+use std::f64::consts::TAU;
+
+use super::friction;
+use crate::base::time::Span;
+use crate::base::units::{Acceleration, Current, Force, Torque};
+
+/// Screw, table and what turns them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Mechanics {
+    /// Mass of the table and what stands on it, `M_eq`, kg.
+    pub mass_kg: f64,
+    /// Stiffness of screw, nut and bearings, `K_eq`, N/m.
+    pub stiffness_n_per_m: f64,
+    /// Damping between motor and table, `C_eq`, N s/m.
+    pub damping_n_s_per_m: f64,
+    /// Inertia of motor and screw, `J`, kg m².
+    pub inertia_kg_m2: f64,
+    /// Travel per turn of the screw, m.
+    pub lead_m: f64,
+    /// Efficiency of the screw, `η`.
+    pub efficiency: f64,
+}
+
+impl Mechanics {
+    /// Travel per radian of the motor, m.
+    pub fn travel_per_rad_m(&self) -> f64 {
+        self.lead_m / TAU
+    }
+    /// Force on the table per torque of the motor, N/(N m) (Eq. 4).
+    pub fn force_per_torque(&self) -> f64 {
+        self.efficiency / self.travel_per_rad_m()
+    }
+    /// Motor and screw as a mass at the table, kg.
+    pub fn motor_mass_kg(&self) -> f64 {
+        self.inertia_kg_m2 * self.force_per_torque() / self.travel_per_rad_m()
+    }
+    /// Inertia of motor, screw and table at the motor shaft, kg m².
+    pub fn total_inertia_kg_m2(&self) -> f64 {
+        self.inertia_kg_m2 + self.mass_kg * self.travel_per_rad_m() / self.force_per_torque()
+    }
+    /// Torque that balances a force on the table.
+    pub fn torque_for_force(&self, force: Force) -> Torque {
+        Torque::nm(force.as_n() / self.force_per_torque())
+    }
+    /// Torque that accelerates motor, screw and table together.
+    pub fn torque_for_acceleration(&self, acceleration: Acceleration) -> Torque {
+        Torque::nm(self.total_inertia_kg_m2() * acceleration.as_m_per_s2() / self.travel_per_rad_m())
+    }
+}
+
+/// From the current command to the torque at the shaft.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Actuator {
+    /// Torque per current, `K_t`, N m/A.
+    pub torque_constant_nm_per_a: f64,
+    /// Bandwidth of the current loop, a first-order lag, Hz.
+    pub current_loop_hz: f64,
+    /// Time from a command taking effect in the drive to the current loop seeing it.
+    pub dead_time: Span,
+    /// Largest current that the drive makes.
+    pub peak_current: Current,
+}
+
+impl Actuator {
+    /// Time constant of the current loop, s.
+    pub fn lag_s(&self) -> f64 {
+        1.0 / (TAU * self.current_loop_hz)
+    }
+    /// Torque that a current makes.
+    pub fn torque(&self, current: Current) -> Torque {
+        Torque::nm(current.as_a() * self.torque_constant_nm_per_a)
+    }
+    /// Current that makes a torque.
+    pub fn current(&self, torque: Torque) -> Current {
+        Current::a(torque.as_nm() / self.torque_constant_nm_per_a)
+    }
+}
+
+/// One axis.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Parameters {
+    /// Screw and table.
+    pub mechanics: Mechanics,
+    /// Friction at the table.
+    pub friction: friction::Parameters,
+    /// Drive and motor.
+    pub actuator: Actuator,
+}
+
+impl Parameters {
+    /// The same axis without friction.
+    pub const fn without_friction(mut self) -> Self {
+        self.friction = friction::Parameters::NONE;
+        self
+    }
+}
