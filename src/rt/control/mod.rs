@@ -1,0 +1,184 @@
+//! Sample in, command out, for one axis: position loop, velocity loop, feed-forward, limits.
+//!
+//! ```text
+//!   setpoint ─► travel ─► position P ─► velocity, acceleration ─► velocity PI ─► + ─► current ─► command
+//!                            ▲                                        ▲          ▲
+//!                         position                                velocity   friction, inertia
+//! ```
+//!
+//! The position loop acts every `position_every` ticks, the velocity loop at each. Settings are
+//! immutable while a cycle runs; gain sets are chosen by number and swapped without a bump.
+//! Invariant: knows no frame and no bus, so it can be tested, replayed and tuned without either.
+
+pub mod compensation;
+pub mod limits;
+pub mod position;
+pub mod profile;
+pub mod velocity_pi;
+
+use crate::base::command::{Limits as Acted, Terms};
+use crate::base::sample::Sample;
+use crate::base::setpoint::Setpoint;
+use crate::base::time::Span;
+use crate::base::units::{Current, Torque, Velocity};
+use crate::plant::Parameters;
+
+use limits::Limits;
+use position::PositionLoop;
+use velocity_pi::VelocityLoop;
+
+/// Most gain sets of an axis.
+pub const GAIN_SETS_MAX: usize = 8;
+
+/// One named set of gains.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Gains {
+    /// Position loop.
+    pub position: position::Gains,
+    /// Velocity loop.
+    pub velocity: velocity_pi::Gains,
+    /// Feed-forwards.
+    pub compensation: compensation::Gains,
+}
+
+/// Everything that sets the control of one axis.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// Period of the cycle.
+    pub tick: Span,
+    /// The position loop acts in each so many cycles.
+    pub position_every: u32,
+    /// The control's own idea of the axis.
+    pub axis: Parameters,
+    /// Bounds.
+    pub limits: Limits,
+    /// Gain sets, by number.
+    pub gain_sets: [Gains; GAIN_SETS_MAX],
+    /// How many of them there are.
+    pub gain_set_count: u8,
+}
+
+/// What the loops answer.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Answer {
+    /// Current for the drive.
+    pub current: Current,
+    /// How it came about.
+    pub terms: Terms,
+    /// Which limits acted.
+    pub limits: Acted,
+}
+
+/// The loops of one axis.
+#[derive(Clone, Debug)]
+pub struct AxisLoop {
+    settings: Settings,
+    model: compensation::Model,
+    position: PositionLoop,
+    velocity: VelocityLoop,
+    velocity_command: Velocity,
+    velocity_error_rad_per_s: f64,
+    held_velocity: Acted,
+    gain_set: u8,
+    rad_per_m: f64,
+    torque_bound: Torque,
+}
+
+impl AxisLoop {
+    /// Loops with the first gain set, at rest.
+    pub fn new(settings: &Settings) -> Self {
+        let gains = &settings.gain_sets[0];
+        Self {
+            settings: *settings,
+            model: compensation::Model::new(&settings.axis, settings.limits.standstill),
+            position: PositionLoop::default(),
+            velocity: VelocityLoop::new(&gains.velocity, settings.tick),
+            velocity_command: Velocity::ZERO,
+            velocity_error_rad_per_s: 0.0,
+            held_velocity: Acted::NONE,
+            gain_set: 0,
+            rad_per_m: 1.0 / settings.axis.mechanics.travel_per_rad_m(),
+            torque_bound: settings.axis.actuator.torque(settings.limits.current),
+        }
+    }
+
+    /// The gain set that acts.
+    pub fn gain_set(&self) -> u8 {
+        self.gain_set
+    }
+
+    /// Its limits.
+    pub fn limits(&self) -> &Limits {
+        &self.settings.limits
+    }
+
+    /// Where the axis should be by now, whatever disturbs it.
+    pub fn expected(&self) -> &PositionLoop {
+        &self.position
+    }
+
+    /// The axis has no current: stand where it stands, so that enabling moves nothing.
+    pub fn follow(&mut self, sample: &Sample) {
+        self.position.reset(sample.position);
+        self.velocity.reset();
+        self.velocity_command = Velocity::ZERO;
+        self.velocity_error_rad_per_s = 0.0;
+        self.held_velocity = Acted::NONE;
+    }
+
+    /// Use another gain set from now on, without a bump. Numbers past the last set are ignored.
+    pub fn use_gains(&mut self, set: u8, setpoint: &Setpoint, sample: &Sample) {
+        if set >= self.settings.gain_set_count || set == self.gain_set {
+            return;
+        }
+        let [from, to] = [self.gain_set, set].map(|n| self.settings.gain_sets[usize::from(n)]);
+        self.position.swap(&from.position, &to.position, setpoint, sample.position);
+        self.velocity.swap(&to.velocity, self.settings.tick, self.velocity_error_rad_per_s);
+        self.gain_set = set;
+    }
+
+    /// One tick. `is_position_tick` says whether the position loop acts in it.
+    pub fn step(&mut self, setpoint: &Setpoint, sample: &Sample, is_position_tick: bool) -> Answer {
+        let gains = self.settings.gain_sets[usize::from(self.gain_set)];
+        let (setpoint, was_outside) = self.settings.limits.hold_setpoint(setpoint);
+        if is_position_tick {
+            self.position_tick(&gains.position, &setpoint, sample);
+        }
+        let feed_forward = self.model.feed_forward(&gains.compensation, &self.position);
+
+        let error = self.velocity_command - sample.velocity;
+        self.velocity_error_rad_per_s = error.as_m_per_s() * self.rad_per_m;
+        let fed = feed_forward.friction + feed_forward.inertia;
+        let parts = self.velocity.step(self.velocity_error_rad_per_s, fed, self.torque_bound);
+        let wanted = self.settings.axis.actuator.current(parts.proportional + parts.integral + fed);
+        let current = wanted.clamp_abs(self.settings.limits.current);
+
+        let terms = Terms {
+            following_error: setpoint.position - sample.position,
+            expected_position: self.position.expected_position(),
+            expected_velocity: self.position.expected_velocity(),
+            velocity_command: self.velocity_command,
+            proportional: parts.proportional,
+            integral: parts.integral,
+            friction: feed_forward.friction,
+            inertia: feed_forward.inertia,
+        };
+        self.position.coast(self.settings.tick.as_s());
+        let limits = self
+            .held_velocity
+            .with(Acted::when(was_outside, Acted::TRAVEL))
+            .with(Acted::when(current != wanted, Acted::CURRENT));
+        Answer { current, terms, limits }
+    }
+
+    fn position_tick(&mut self, gains: &position::Gains, setpoint: &Setpoint, sample: &Sample) {
+        let since_s = self.settings.tick.as_s() * f64::from(self.settings.position_every);
+        self.position.update(gains, setpoint, sample.position, since_s);
+        let limits = &self.settings.limits;
+        let (held, by_velocity, by_acceleration) =
+            limits.hold_velocity(self.position.command(), self.velocity_command, since_s);
+        self.velocity_command = held;
+        self.held_velocity =
+            Acted::when(by_velocity, Acted::VELOCITY).with(Acted::when(by_acceleration, Acted::ACCELERATION));
+    }
+}

@@ -1,0 +1,464 @@
+//! Motions made in the cycle: hold, a straight move, a circle. A motion runs along a path; its speed
+//! rises and falls as a raised cosine, so the acceleration has no step, and a stop at any moment brakes
+//! along the same path.
+//!
+//! ```text
+//!   speed   ───────┐            v(t) = V (1 - cos(π t / T)) / 2,   T = π V / (2 a),   way V T / 2
+//!          ╱        ╲
+//!   ──────╯          ╰──────    run-up, steady part, run-out
+//! ```
+//!
+//! A circle's steady part is run-in, evaluated turns, run-out; its angle is a function of time alone,
+//! so nothing accumulates. Angles in radians, counter-clockwise from +X.
+//! Invariant: position, velocity and acceleration of a setpoint are those of one curve.
+
+use std::f64::consts::PI;
+
+use crate::base::axis::{AxisId, PerAxis};
+use crate::base::motion::Circle;
+use crate::base::setpoint::Setpoint;
+use crate::base::time::Moment;
+use crate::base::units::{Acceleration, Position, Velocity};
+
+/// A circle with what leads into it and out of it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CircleMotion {
+    /// The path to be evaluated.
+    pub circle: Circle,
+    /// At full feed before the evaluated part, s.
+    pub run_in_s: f64,
+    /// At full feed after it, s.
+    pub run_out_s: f64,
+    /// Along the path while the speed rises and falls.
+    pub acceleration: Acceleration,
+}
+
+/// A straight move with all axes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LineMotion {
+    /// Where to.
+    pub target: PerAxis<Position>,
+    /// Along the path.
+    pub feed: Velocity,
+    /// Along the path.
+    pub acceleration: Acceleration,
+}
+
+impl CircleMotion {
+    fn radius_m(&self) -> f64 {
+        self.circle.radius.as_m()
+    }
+    fn rise_s(&self) -> f64 {
+        rise_s(self.circle.feed.as_m_per_s(), self.acceleration)
+    }
+    /// Way along the path before the evaluated part, m.
+    fn lead_in_m(&self) -> f64 {
+        self.circle.feed.as_m_per_s() * (self.run_in_s + 0.5 * self.rise_s())
+    }
+    fn angle_rad(&self, way_m: f64) -> f64 {
+        let ahead_rad = (way_m - self.lead_in_m()) / self.radius_m();
+        self.circle.start_angle_rad + self.circle.direction.sign() * ahead_rad
+    }
+    /// One coordinate `centre + R c(φ)` with `c` and its derivative `dc/dφ` at the present angle.
+    fn coordinate(&self, centre: Position, c: f64, slope: f64, progress: &Progress) -> Setpoint {
+        let radius_m = self.radius_m();
+        let sign = self.circle.direction.sign();
+        let omega = sign * progress.speed_m_per_s / radius_m;
+        let alpha = sign * progress.acceleration_m_per_s2 / radius_m;
+        Setpoint {
+            position: centre + Position::m(radius_m * c),
+            velocity: Velocity::m_per_s(radius_m * slope * omega),
+            acceleration: Acceleration::m_per_s2(radius_m * (slope * alpha - c * omega * omega)),
+        }
+    }
+    /// Where the motion begins: ahead of the evaluated part by run-up and run-in.
+    pub fn start(&self) -> (Position, Position) {
+        let (sin, cos) = libm::sincos(self.angle_rad(0.0));
+        (self.circle.centre_x + self.circle.radius * cos, self.circle.centre_y + self.circle.radius * sin)
+    }
+    /// From the start of the motion to the start of its evaluated part, s.
+    pub fn lead_in_s(&self) -> f64 {
+        self.rise_s() + self.run_in_s
+    }
+    /// The whole motion, s.
+    pub fn duration_s(&self) -> f64 {
+        2.0 * self.rise_s() + self.run_in_s + self.circle.duration_s() + self.run_out_s
+    }
+    /// Largest acceleration of an axis: towards the centre and along the path together.
+    pub fn acceleration_max(&self) -> Acceleration {
+        let feed = self.circle.feed.as_m_per_s();
+        let inward = feed * feed / self.radius_m();
+        Acceleration::m_per_s2(inward.hypot(self.acceleration.as_m_per_s2()))
+    }
+}
+
+fn rise_s(feed_m_per_s: f64, acceleration: Acceleration) -> f64 {
+    PI * feed_m_per_s / (2.0 * acceleration.as_m_per_s2())
+}
+
+/// Way, speed and acceleration along a path.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Progress {
+    way_m: f64,
+    speed_m_per_s: f64,
+    acceleration_m_per_s2: f64,
+}
+
+/// Speed along a path: up, steady, down.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Pace {
+    feed_m_per_s: f64,
+    rise_s: f64,
+    steady_s: f64,
+    /// Way and speed at the start: those of the pace that a stop interrupts.
+    from_m: f64,
+    /// A brake has no rise: it starts at full feed.
+    is_brake: bool,
+}
+
+impl Pace {
+    fn new(feed_m_per_s: f64, acceleration: Acceleration, steady_s: f64) -> Self {
+        let rise_s = rise_s(feed_m_per_s, acceleration);
+        Self { feed_m_per_s, rise_s, steady_s, from_m: 0.0, is_brake: false }
+    }
+
+    /// From rest to rest over a way; slower where the way is too short for the feed.
+    fn over(way_m: f64, feed_m_per_s: f64, acceleration: Acceleration) -> Self {
+        let reachable = (2.0 * acceleration.as_m_per_s2() * way_m / PI).sqrt();
+        let feed = feed_m_per_s.min(reachable);
+        if feed <= 0.0 {
+            return Self { feed_m_per_s: 0.0, rise_s: 0.0, steady_s: 0.0, from_m: 0.0, is_brake: false };
+        }
+        let steady_s = (way_m / feed - rise_s(feed, acceleration)).max(0.0);
+        Self::new(feed, acceleration, steady_s)
+    }
+
+    fn brake(from: Progress, acceleration: Acceleration) -> Self {
+        let rise_s = rise_s(from.speed_m_per_s, acceleration);
+        Self { feed_m_per_s: from.speed_m_per_s, rise_s, steady_s: 0.0, from_m: from.way_m, is_brake: true }
+    }
+
+    fn duration_s(&self) -> f64 {
+        self.rise_s * if self.is_brake { 1.0 } else { 2.0 } + self.steady_s
+    }
+
+    fn at(&self, time_s: f64) -> Progress {
+        let feed = self.feed_m_per_s;
+        let fall_from_s = if self.is_brake { 0.0 } else { self.rise_s + self.steady_s };
+        let rise_way_m = if self.is_brake { 0.0 } else { 0.5 * feed * self.rise_s };
+        if time_s < self.rise_s && !self.is_brake {
+            let part = Self::risen(feed, self.rise_s, time_s);
+            Progress { way_m: self.from_m + part.way_m, ..part }
+        } else if time_s < fall_from_s {
+            let way_m = self.from_m + rise_way_m + feed * (time_s - self.rise_s);
+            Progress { way_m, speed_m_per_s: feed, acceleration_m_per_s2: 0.0 }
+        } else {
+            // A fall is a rise seen backwards from the end.
+            let left_s = (fall_from_s + self.rise_s - time_s).max(0.0);
+            let part = Self::risen(feed, self.rise_s, left_s);
+            let way_m = self.from_m + rise_way_m + feed * (self.steady_s + 0.5 * self.rise_s) - part.way_m;
+            Progress { way_m, acceleration_m_per_s2: -part.acceleration_m_per_s2, ..part }
+        }
+    }
+
+    fn risen(feed: f64, rise_s: f64, time_s: f64) -> Progress {
+        if rise_s == 0.0 {
+            return Progress::default();
+        }
+        let (sin, cos) = libm::sincos(PI * time_s / rise_s);
+        Progress {
+            way_m: 0.5 * feed * (time_s - rise_s / PI * sin),
+            speed_m_per_s: 0.5 * feed * (1.0 - cos),
+            acceleration_m_per_s2: 0.5 * feed * PI / rise_s * sin,
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Path {
+    Line { from: PerAxis<Position>, direction: PerAxis<f64> },
+    Circle(CircleMotion),
+}
+
+/// The motion of the machine: at rest, or under way since a moment.
+#[derive(Clone, Copy, Debug)]
+pub struct Profile {
+    setpoints: PerAxis<Setpoint>,
+    run: Option<Run>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Run {
+    path: Path,
+    pace: Pace,
+    since: Moment,
+}
+
+impl Profile {
+    /// Holding every axis at zero.
+    pub fn new(axes: usize) -> Self {
+        Self { setpoints: PerAxis::filled(axes, Setpoint::default()), run: None }
+    }
+
+    /// What is wanted of each axis.
+    pub fn setpoints(&self) -> &PerAxis<Setpoint> {
+        &self.setpoints
+    }
+
+    /// Whether a motion is under way.
+    pub fn is_running(&self) -> bool {
+        self.run.is_some()
+    }
+
+    /// Whether the evaluated part of a circle is under way.
+    pub fn is_measured(&self, now: Moment) -> bool {
+        match self.run {
+            Some(Run { path: Path::Circle(motion), pace, since }) if !pace.is_brake => {
+                let into_s = (now - since).as_s() - motion.lead_in_s();
+                into_s >= 0.0 && into_s < motion.circle.duration_s()
+            }
+            Some(_) | None => false,
+        }
+    }
+
+    /// Hold an axis that has no current where it stands.
+    pub fn stand(&mut self, axis: AxisId, position: Position) {
+        self.setpoints[axis] = Setpoint::at_rest(position);
+    }
+
+    /// Start a straight move from where the setpoints are.
+    pub fn start_line(&mut self, line: &LineMotion, now: Moment) {
+        let from = self.setpoints.map(|_, setpoint| setpoint.position);
+        let way = from.map(|axis, position| (line.target[axis] - *position).as_m());
+        let way_m = way.as_slice().iter().map(|part| part * part).sum::<f64>().sqrt();
+        let direction = way.map(|_, part| if way_m > 0.0 { part / way_m } else { 0.0 });
+        let pace = Pace::over(way_m, line.feed.as_m_per_s(), line.acceleration);
+        self.run = Some(Run { path: Path::Line { from, direction }, pace, since: now });
+    }
+
+    /// Start a circle. Refused (false) unless the setpoints stand at its start: the axis never jumps.
+    pub fn start_circle(&mut self, motion: &CircleMotion, now: Moment) -> bool {
+        let (x, y) = motion.start();
+        let nearby = |axis: AxisId, place: Position| {
+            (self.setpoints[axis].position - place).abs() < Position::um(1e-3)
+        };
+        if self.setpoints.count() < 2 || !nearby(AxisId::X, x) || !nearby(AxisId::Y, y) {
+            return false;
+        }
+        let steady_s = motion.run_in_s + motion.circle.duration_s() + motion.run_out_s;
+        let pace = Pace::new(motion.circle.feed.as_m_per_s(), motion.acceleration, steady_s);
+        self.run = Some(Run { path: Path::Circle(*motion), pace, since: now });
+        true
+    }
+
+    /// Brake along the path, from the speed it has now. A brake under way goes on.
+    pub fn stop(&mut self, acceleration: Acceleration, now: Moment) {
+        if let Some(run) = &mut self.run
+            && !run.pace.is_brake
+        {
+            let progress = run.pace.at((now - run.since).as_s());
+            run.pace = Pace::brake(progress, acceleration);
+            run.since = now;
+        }
+    }
+
+    /// Move the setpoints to `now`; a motion that has ended leaves them at rest.
+    pub fn advance(&mut self, now: Moment) {
+        let Some(run) = self.run else { return };
+        let time_s = (now - run.since).as_s();
+        let progress = run.pace.at(time_s.min(run.pace.duration_s()));
+        run.path.place(&progress, &mut self.setpoints);
+        if time_s >= run.pace.duration_s() {
+            for (_, setpoint) in self.setpoints.iter_mut() {
+                *setpoint = Setpoint::at_rest(setpoint.position);
+            }
+            self.run = None;
+        }
+    }
+}
+
+impl Path {
+    /// Set the axes that the path moves; others keep their setpoints.
+    fn place(&self, progress: &Progress, setpoints: &mut PerAxis<Setpoint>) {
+        match self {
+            Self::Line { from, direction } => {
+                for (axis, setpoint) in setpoints.iter_mut() {
+                    let share = direction[axis];
+                    *setpoint = Setpoint {
+                        position: from[axis] + Position::m(share * progress.way_m),
+                        velocity: Velocity::m_per_s(share * progress.speed_m_per_s),
+                        acceleration: Acceleration::m_per_s2(share * progress.acceleration_m_per_s2),
+                    };
+                }
+            }
+            Self::Circle(motion) => {
+                let (sin, cos) = libm::sincos(motion.angle_rad(progress.way_m));
+                setpoints[AxisId::X] = motion.coordinate(motion.circle.centre_x, cos, -sin, progress);
+                setpoints[AxisId::Y] = motion.coordinate(motion.circle.centre_y, sin, cos, progress);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::base::motion::Direction;
+    use crate::base::time::Span;
+
+    const TICK: Span = Span::us(500);
+
+    fn circle() -> CircleMotion {
+        CircleMotion {
+            circle: Circle {
+                centre_x: Position::mm(10.0),
+                centre_y: Position::mm(-5.0),
+                radius: Position::mm(20.0),
+                feed: Velocity::mm_per_min(6000.0),
+                direction: Direction::Cw,
+                start_angle_rad: 0.7,
+                revolutions: 2,
+            },
+            run_in_s: 0.2,
+            run_out_s: 0.1,
+            acceleration: Acceleration::m_per_s2(0.5),
+        }
+    }
+
+    fn at_start(motion: &CircleMotion) -> Profile {
+        let mut profile = Profile::new(3);
+        let (x, y) = motion.start();
+        profile.stand(AxisId::X, x);
+        profile.stand(AxisId::Y, y);
+        profile
+    }
+
+    /// Every setpoint until the motion ends; each is checked to be one curve, whose acceleration may step
+    /// by `corner` between two ticks (a stop while the speed rises, the end of a very short move).
+    fn trail(
+        mut profile: Profile,
+        corner: Acceleration,
+        mut at_tick: impl FnMut(i64, &mut Profile),
+    ) -> Vec<PerAxis<Setpoint>> {
+        let corner_m_per_s = corner.as_m_per_s2() * TICK.as_s();
+        let mut trail = vec![*profile.setpoints()];
+        let mut tick = 0;
+        while profile.is_running() {
+            tick += 1;
+            at_tick(tick, &mut profile);
+            profile.advance(Moment::ZERO + TICK * tick);
+            trail.push(*profile.setpoints());
+            assert!(tick < 100_000, "the motion does not end");
+        }
+        for pair in trail.windows(2) {
+            for (axis, after) in pair[1].iter() {
+                let before = pair[0][axis];
+                let mean = (before.velocity + after.velocity) * 0.5;
+                let step_m = (after.position - before.position).as_m();
+                let off_m = step_m - mean.as_m_per_s() * TICK.as_s();
+                assert!(
+                    off_m.abs() < 1e-9 + 0.25 * corner_m_per_s * TICK.as_s(),
+                    "axis {axis}: position and velocity differ by {off_m} m"
+                );
+                let change = (after.velocity - before.velocity).as_m_per_s();
+                let accelerated = (before.acceleration + after.acceleration) * 0.5;
+                let off = change - accelerated.as_m_per_s2() * TICK.as_s();
+                assert!(
+                    off.abs() < 2e-6 + corner_m_per_s,
+                    "axis {axis}: velocity and acceleration differ by {off} m/s"
+                );
+            }
+        }
+        trail
+    }
+
+    #[test]
+    fn a_circle_keeps_radius_feed_and_acceleration() {
+        let motion = circle();
+        let mut profile = at_start(&motion);
+        assert!(profile.start_circle(&motion, Moment::ZERO));
+        let mut measured = 0;
+        for setpoints in trail(profile, Acceleration::ZERO, |tick, p| {
+            measured += i64::from(p.is_measured(Moment::ZERO + TICK * tick));
+        }) {
+            let [x, y, z] = [0, 1, 2].map(|axis| setpoints[AxisId::new(axis)]);
+            let from_centre = (x.position - motion.circle.centre_x, y.position - motion.circle.centre_y);
+            let radius_mm = from_centre.0.as_mm().hypot(from_centre.1.as_mm());
+            assert!((radius_mm - 20.0).abs() < 1e-9, "radius {radius_mm} mm");
+            let speed = x.velocity.as_m_per_s().hypot(y.velocity.as_m_per_s());
+            assert!(speed < 0.1 + 1e-12, "{speed} m/s along the path");
+            let acceleration = x.acceleration.as_m_per_s2().hypot(y.acceleration.as_m_per_s2());
+            assert!(acceleration <= motion.acceleration_max().as_m_per_s2(), "{acceleration} m/s^2");
+            assert_eq!(z, Setpoint::default(), "a third axis stands");
+        }
+        let turns_s = 2.0 * std::f64::consts::TAU * 0.02 / 0.1;
+        assert!((measured as f64 * TICK.as_s() - turns_s).abs() <= TICK.as_s(), "{measured} cycles measured");
+    }
+
+    #[test]
+    fn the_evaluated_part_starts_at_its_angle() {
+        let motion = circle();
+        let mut profile = at_start(&motion);
+        profile.start_circle(&motion, Moment::ZERO);
+        profile.advance(Moment::ZERO + Span::s(motion.lead_in_s()));
+        let y = (profile.setpoints()[AxisId::Y].position - motion.circle.centre_y).as_mm();
+        let x = (profile.setpoints()[AxisId::X].position - motion.circle.centre_x).as_mm();
+        // A nanosecond of the grid is 0.005 urad here.
+        assert!((y.atan2(x) - 0.7).abs() < 1e-8, "{} rad", y.atan2(x));
+    }
+
+    #[test]
+    fn a_circle_that_would_jump_is_refused() {
+        let mut profile = at_start(&circle());
+        profile.stand(AxisId::X, circle().start().0 + Position::um(0.01));
+        assert!(!profile.start_circle(&circle(), Moment::ZERO));
+        assert!(!profile.is_running());
+    }
+
+    #[test]
+    fn a_short_move_never_reaches_its_feed_and_ends_at_its_target() {
+        for target_mm in [0.001, 1.0, 300.0] {
+            let target = PerAxis::from_fn(2, |axis| Position::mm(target_mm * [0.6, -0.8][axis.index()]));
+            let line = LineMotion {
+                target,
+                feed: Velocity::m_per_s(0.25),
+                acceleration: Acceleration::m_per_s2(1.0),
+            };
+            let mut profile = Profile::new(2);
+            profile.start_line(&line, Moment::ZERO);
+            let trail = trail(profile, line.acceleration, |_, _| ());
+            let end = trail[trail.len() - 1];
+            for (axis, setpoint) in end.iter() {
+                assert!(
+                    (setpoint.position - target[axis]).abs() < Position::um(1e-6),
+                    "{axis}: {setpoint:?}"
+                );
+                assert_eq!(setpoint.velocity, Velocity::ZERO);
+            }
+        }
+    }
+
+    #[test]
+    fn a_stop_at_any_moment_brakes_along_the_path() {
+        let motion = circle();
+        for stop_tick in [1, 100, 400, 3000, 5500] {
+            let mut profile = at_start(&motion);
+            profile.start_circle(&motion, Moment::ZERO);
+            let mut speed_before = 0.0;
+            let trail = trail(profile, Acceleration::m_per_s2(2.5), |tick, profile| {
+                if tick == stop_tick {
+                    let now = Moment::ZERO + TICK * (tick - 1);
+                    let [x, y] = [AxisId::X, AxisId::Y].map(|axis| profile.setpoints()[axis].velocity);
+                    speed_before = x.as_m_per_s().hypot(y.as_m_per_s());
+                    profile.stop(Acceleration::m_per_s2(2.0), now);
+                }
+            });
+            let braked_s = (trail.len() as i64 - stop_tick) as f64 * TICK.as_s();
+            let expected_s = rise_s(speed_before, Acceleration::m_per_s2(2.0));
+            assert!(
+                braked_s <= expected_s + 2.0 * TICK.as_s(),
+                "braking took {braked_s} s of {expected_s} s"
+            );
+        }
+    }
+}

@@ -1,0 +1,2 @@
+//! Real time.
+pub mod control;
