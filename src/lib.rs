@@ -4,3 +4,4 @@
 //! direction (`tests/tidy.rs` holds them to it, `ARCHITECTURE.md` tells the story):
 
 pub mod base; //    words: units, time, axis, sample, setpoint, command, fault, record
+pub mod rt; //      real time: bus, wire, drive; no heap, no lock, no clock

@@ -1,0 +1,8 @@
+//! Real time: frames in, samples, control, commands, frames out.
+//!
+//! Everything here runs inside the cycle or prepares for it. Settings are given at construction,
+//! state is small and fixed in size, time is an argument.
+//! Invariant: no heap after construction, no lock, no formatting, no clock read, no panic path in
+//! what the cycle calls.
+
+pub mod bus; //  frames in and out
