@@ -6,3 +6,4 @@
 //! what the cycle calls.
 
 pub mod bus; //  frames in and out
+pub mod wire; // bytes to meaning and back
