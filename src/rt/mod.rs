@@ -6,4 +6,5 @@
 //! what the cycle calls.
 
 pub mod bus; //  frames in and out
+pub mod drive; // frame to sample, command to frame
 pub mod wire; // bytes to meaning and back
