@@ -5,4 +5,4 @@
 
 pub mod base; //    words: units, time, axis, sample, setpoint, command, fault, record
 pub mod plant; //   friction, mechanics, actuator, encoder: the physics, written once
-pub mod rt;
+pub mod rt; //      real time: bus, wire, drive, control, cycle
