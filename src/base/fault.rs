@@ -39,6 +39,8 @@ pub enum Fault {
     SendFailed = 15,
     /// Too many periods were missed.
     Overrun = 16,
+    /// The axis did not come to rest in the time that a stop may take.
+    StopTimeout = 17,
 }
 
 /// What an axis does on a fault.
@@ -54,7 +56,7 @@ pub enum StopCategory {
 
 impl Fault {
     /// Every fault, in order of the numbers.
-    pub const ALL: [Self; 16] = [
+    pub const ALL: [Self; 17] = [
         Self::FeedbackLost,
         Self::DriveFault,
         Self::FollowingError,
@@ -71,6 +73,7 @@ impl Fault {
         Self::DriveDropped,
         Self::SendFailed,
         Self::Overrun,
+        Self::StopTimeout,
     ];
 
     /// The number that stands in the log.
@@ -100,6 +103,7 @@ impl Fault {
             Self::DriveDropped => "drive-dropped",
             Self::SendFailed => "send-failed",
             Self::Overrun => "overrun",
+            Self::StopTimeout => "stop-timeout",
         }
     }
     /// How the axis comes to rest.
@@ -118,7 +122,8 @@ impl Fault {
             | Self::EncoderJump
             | Self::NotANumber
             | Self::DriveDropped
-            | Self::SendFailed => StopCategory::Immediate,
+            | Self::SendFailed
+            | Self::StopTimeout => StopCategory::Immediate,
         }
     }
 }

@@ -23,7 +23,7 @@ pub mod response;
 pub use params::{Actuator, Mechanics, Parameters};
 
 use crate::base::time::Span;
-use crate::base::units::{Acceleration, Current, Force, Position, Torque, Velocity};
+use crate::base::units::{Current, Position, Velocity};
 use friction::Law;
 use maps::{Motion, StepMaps};
 

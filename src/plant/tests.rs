@@ -3,6 +3,7 @@
 use std::f64::consts::{PI, TAU};
 
 use super::*;
+use crate::base::units::Force;
 use crate::plant::friction::Variant;
 
 const TICK: Span = Span::us(500);

@@ -4,7 +4,7 @@
 //! | limit | holds back | faults |
 //! |---|---|---|
 //! | travel | the setpoint | position outside by more than the margin |
-//! | velocity | the velocity command | measured speed above 1.2 times |
+//! | velocity | the velocity command | measured speed above 1.2 times; above 5 times the encoder jumped |
 //! | acceleration | the change of the velocity command | |
 //! | current | the current command | measured current above 1.2 times |
 //! | following error | | distance from the expected response |
@@ -19,6 +19,8 @@ use crate::base::units::{Acceleration, Current, Position, Velocity};
 /// A measured speed or current may pass the limit of its command by this factor before it is a fault:
 /// the loop overshoots, the measurement is noisy.
 pub const FAULT_FACTOR: f64 = 1.2;
+/// A measured speed this many times the limit is no motion: the encoder jumped.
+pub const JUMP_FACTOR: f64 = 5.0;
 
 /// Bounds of one axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,9 +44,16 @@ pub struct Limits {
 }
 
 impl Limits {
-    /// The setpoint held inside the travel, and whether it had to be.
-    pub fn hold_setpoint(&self, setpoint: &Setpoint) -> (Setpoint, bool) {
-        let (low, high) = (self.travel_min, self.travel_max);
+    /// The travel, widened to a place where the axis stands outside of it: enabling it there must not
+    /// move it, only the way back in is open.
+    pub fn reach_from(&self, place: Position) -> (Position, Position) {
+        let low = if place < self.travel_min { place } else { self.travel_min };
+        let high = if place > self.travel_max { place } else { self.travel_max };
+        (low, high)
+    }
+
+    /// The setpoint held inside a reach, and whether it had to be.
+    pub fn hold_setpoint((low, high): (Position, Position), setpoint: &Setpoint) -> (Setpoint, bool) {
         if setpoint.position < low {
             (Setpoint::at_rest(low), true)
         } else if setpoint.position > high {
@@ -73,6 +82,8 @@ impl Limits {
             (sample.position - self.travel_max).as_m().max((self.travel_min - sample.position).as_m());
         if !(sample.position.is_finite() && sample.velocity.is_finite() && sample.current.is_finite()) {
             Some(Fault::NotANumber)
+        } else if sample.velocity.abs() > self.velocity * JUMP_FACTOR {
+            Some(Fault::EncoderJump)
         } else if sample.velocity.abs() > self.velocity * FAULT_FACTOR {
             Some(Fault::Overspeed)
         } else if sample.current.abs() > self.current * FAULT_FACTOR {
@@ -89,5 +100,69 @@ impl Limits {
     /// Whether the axis stands.
     pub fn is_standing(&self, velocity: Velocity) -> bool {
         velocity.abs() <= self.standstill
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LIMITS: Limits = Limits {
+        travel_min: Position::mm(-100.0),
+        travel_max: Position::mm(100.0),
+        travel_margin: Position::mm(2.0),
+        velocity: Velocity::mm_per_s(200.0),
+        acceleration: Acceleration::m_per_s2(5.0),
+        current: Current::a(20.0),
+        following_error: Position::mm(1.0),
+        standstill: Velocity::mm_per_s(0.5),
+    };
+
+    fn sample(position_mm: f64, velocity_mm_per_s: f64, current_a: f64) -> Sample {
+        Sample {
+            freshness: Freshness::Fresh,
+            position: Position::mm(position_mm),
+            velocity: Velocity::mm_per_s(velocity_mm_per_s),
+            current: Current::a(current_a),
+            ..Sample::default()
+        }
+    }
+
+    #[test]
+    fn each_violation_has_its_fault() {
+        let expected = Position::mm(50.0);
+        let judge = |sample: &Sample| LIMITS.violation(sample, expected);
+        assert_eq!(judge(&sample(50.9, 239.0, -23.9)), None);
+        assert_eq!(judge(&sample(51.1, 0.0, 0.0)), Some(Fault::FollowingError));
+        assert_eq!(judge(&sample(48.9, 0.0, 0.0)), Some(Fault::FollowingError));
+        assert_eq!(judge(&sample(102.1, 0.0, 0.0)), Some(Fault::Travel));
+        assert_eq!(judge(&sample(-102.1, 0.0, 0.0)), Some(Fault::Travel));
+        assert_eq!(judge(&sample(50.0, -241.0, 0.0)), Some(Fault::Overspeed));
+        assert_eq!(judge(&sample(50.0, 1001.0, 0.0)), Some(Fault::EncoderJump));
+        assert_eq!(judge(&sample(50.0, 0.0, 24.1)), Some(Fault::Overcurrent));
+        assert_eq!(judge(&sample(50.0, f64::NAN, 0.0)), Some(Fault::NotANumber));
+        let stale = Sample { freshness: Freshness::Stale, ..sample(102.1, 0.0, 0.0) };
+        assert_eq!(judge(&stale), None, "old data are judged by their age");
+    }
+
+    #[test]
+    fn an_axis_outside_its_travel_is_held_there_and_may_only_come_back() {
+        let reach = LIMITS.reach_from(Position::mm(101.5));
+        let hold = |mm: f64| Limits::hold_setpoint(reach, &Setpoint::at_rest(Position::mm(mm)));
+        assert_eq!(hold(101.5), (Setpoint::at_rest(Position::mm(101.5)), false));
+        assert_eq!(hold(101.6), (Setpoint::at_rest(Position::mm(101.5)), true));
+        assert_eq!(hold(-100.1), (Setpoint::at_rest(Position::mm(-100.0)), true));
+    }
+
+    #[test]
+    fn velocity_and_acceleration_say_which_of_them_acted() {
+        let hold = |wanted: f64, before: f64| {
+            let [wanted, before] = [wanted, before].map(Velocity::mm_per_s);
+            let (held, by_velocity, by_acceleration) = LIMITS.hold_velocity(wanted, before, 2e-3);
+            ((held.as_mm_per_s() * 1e6).round() * 1e-6, by_velocity, by_acceleration)
+        };
+        assert_eq!(hold(150.0, 145.0), (150.0, false, false));
+        assert_eq!(hold(250.0, 195.0), (200.0, true, false));
+        assert_eq!(hold(-250.0, 195.0), (185.0, true, true));
     }
 }

@@ -20,7 +20,7 @@ use crate::base::command::{Limits as Acted, Terms};
 use crate::base::sample::Sample;
 use crate::base::setpoint::Setpoint;
 use crate::base::time::Span;
-use crate::base::units::{Current, Torque, Velocity};
+use crate::base::units::{Current, Position, Torque, Velocity};
 use crate::plant::Parameters;
 
 use limits::Limits;
@@ -79,6 +79,7 @@ pub struct AxisLoop {
     velocity_command: Velocity,
     velocity_error_rad_per_s: f64,
     held_velocity: Acted,
+    reach: (Position, Position),
     gain_set: u8,
     rad_per_m: f64,
     torque_bound: Torque,
@@ -96,6 +97,7 @@ impl AxisLoop {
             velocity_command: Velocity::ZERO,
             velocity_error_rad_per_s: 0.0,
             held_velocity: Acted::NONE,
+            reach: settings.limits.reach_from(Position::ZERO),
             gain_set: 0,
             rad_per_m: 1.0 / settings.axis.mechanics.travel_per_rad_m(),
             torque_bound: settings.axis.actuator.torque(settings.limits.current),
@@ -121,6 +123,7 @@ impl AxisLoop {
     pub fn follow(&mut self, sample: &Sample) {
         self.position.reset(sample.position);
         self.velocity.reset();
+        self.reach = self.settings.limits.reach_from(sample.position);
         self.velocity_command = Velocity::ZERO;
         self.velocity_error_rad_per_s = 0.0;
         self.held_velocity = Acted::NONE;
@@ -140,7 +143,7 @@ impl AxisLoop {
     /// One tick. `is_position_tick` says whether the position loop acts in it.
     pub fn step(&mut self, setpoint: &Setpoint, sample: &Sample, is_position_tick: bool) -> Answer {
         let gains = self.settings.gain_sets[usize::from(self.gain_set)];
-        let (setpoint, was_outside) = self.settings.limits.hold_setpoint(setpoint);
+        let (setpoint, was_outside) = Limits::hold_setpoint(self.reach, setpoint);
         if is_position_tick {
             self.position_tick(&gains.position, &setpoint, sample);
         }

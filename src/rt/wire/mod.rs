@@ -26,6 +26,7 @@ pub mod scaling;
 pub mod state;
 
 use super::bus::{Frame, Id};
+use crate::base::sample::RawFeedback;
 
 /// A board's number on the bus: 1 to 127.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -100,6 +101,15 @@ impl Address {
             _ => None,
         }
     }
+}
+
+/// The frames of one cycle with `axes` axes, for the load they put on the bus: SYNC, then feedback and
+/// command of each axis.
+pub fn cycle_frames(axes: usize) -> impl Iterator<Item = Frame> {
+    let node = |axis: usize| Node(axis as u8 + 1);
+    let feedback = move |axis| feedback::encode(node(axis), &RawFeedback::default());
+    let command = move |axis| command::encode(node(axis), &command::RawCommand::default());
+    std::iter::once(command::encode_sync(0)).chain((0..axes).flat_map(move |a| [feedback(a), command(a)]))
 }
 
 /// Why a frame with one of our identifiers means nothing to us.

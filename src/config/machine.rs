@@ -1,0 +1,114 @@
+//! One machine: everything that its file says, checked, in the types that use it.
+
+use crate::base::axis::{AxisId, PerAxis};
+use crate::base::time::Span;
+use crate::base::units::{Acceleration, Velocity};
+use crate::plant;
+use crate::rt::control;
+use crate::rt::cycle::bucket::BucketLimit;
+use crate::rt::cycle::mode::Patience;
+use crate::rt::drive::sheet::Sheet;
+use crate::rt::drive::velocity::VelocityEstimate;
+
+/// Names that axes can have, by number.
+pub const AXIS_NAMES: [&str; 3] = ["x", "y", "z"];
+
+/// A checked machine file.
+#[derive(Clone, Debug)]
+pub struct Machine {
+    /// What it calls itself.
+    pub name: String,
+    /// Where it came from: a path, or `(embedded)`.
+    pub source: String,
+    /// The text, as the log carries it.
+    pub text: String,
+    /// The control cycle.
+    pub cycle: Cycle,
+    /// The CAN bus.
+    pub bus: BusRates,
+    /// When silence and misses become faults.
+    pub supervision: Supervision,
+    /// Speeds of motions that nobody specified further.
+    pub motion: Motion,
+    /// Gain sets by number, the same on each axis.
+    pub gain_sets: Vec<String>,
+    /// The axes.
+    pub axes: PerAxis<Axis>,
+}
+
+/// The control cycle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Cycle {
+    /// Period, `T_v`.
+    pub period: Span,
+    /// The position loop acts in each so many cycles.
+    pub position_every: u32,
+    /// From the SYNC to the last moment at which feedback counts as fresh.
+    pub reply_window: Span,
+}
+
+/// The CAN bus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BusRates {
+    /// Bit rate of arbitration, bit/s.
+    pub nominal_bit_per_s: u32,
+    /// Bit rate of the data phase, bit/s.
+    pub data_bit_per_s: u32,
+}
+
+/// When silence and misses become faults.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Supervision {
+    /// Cycles without fresh feedback that are borne.
+    pub stale_cycles_max: u32,
+    /// Longest silence between heartbeats.
+    pub heartbeat_timeout: Span,
+    /// How long enabling and stopping may take.
+    pub patience: Patience,
+    /// How many missed periods are borne.
+    pub overruns: BucketLimit,
+}
+
+/// Speeds of motions that nobody specified further.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Motion {
+    /// Between tests.
+    pub positioning_feed: Velocity,
+    /// Along any path.
+    pub path_acceleration: Acceleration,
+}
+
+/// One axis.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Axis {
+    /// Number of its board on the bus.
+    pub node: u8,
+    /// What must be true inside the board.
+    pub sheet: Sheet,
+    /// Age of the latched encoders at the SYNC.
+    pub feedback_latency: Span,
+    /// How the motor's velocity is estimated.
+    pub velocity_estimate: VelocityEstimate,
+    /// Mechanics, friction, actuator.
+    pub plant: plant::Parameters,
+    /// Loops and limits. Its own plant parameters equal `plant` unless somebody makes them differ.
+    pub control: control::Settings,
+}
+
+impl Machine {
+    /// Number of a gain set.
+    pub fn gain_set(&self, name: &str) -> Option<u8> {
+        self.gain_sets.iter().position(|set| set == name).map(|index| index as u8)
+    }
+    /// Gains of an axis in a set.
+    pub fn gains(&self, axis: AxisId, set: u8) -> &control::Gains {
+        &self.axes[axis].control.gain_sets[usize::from(set)]
+    }
+    /// The same machine without friction at its tables; its control still believes in friction.
+    pub fn without_friction(mut self) -> Self {
+        for (_, axis) in self.axes.iter_mut() {
+            axis.plant = axis.plant.without_friction();
+        }
+        self
+    }
+}

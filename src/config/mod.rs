@@ -1,0 +1,55 @@
+//! Text in, checked settings out.
+//!
+//! A machine file is read section by section (`reader.rs`), every problem is noted at its place
+//! (`problem.rs`), and what comes out is a [`Machine`] that the rest trusts. Two machines are embedded.
+//! Invariant: nothing that moves has a silent default; a text with a problem gives no machine.
+
+pub mod bus_load;
+pub mod machine;
+mod machine_file;
+pub mod problem;
+mod reader;
+mod sheet_file;
+
+use std::path::{Path, PathBuf};
+
+pub use machine::Machine;
+use problem::FileProblems;
+
+/// Machines that need no file, by name.
+pub const EMBEDDED: [(&str, &str); 2] = [
+    ("reference", include_str!("../../firmware-config/machines/reference.toml")),
+    ("paper", include_str!("../../firmware-config/machines/paper.toml")),
+];
+
+/// Why there is no machine.
+#[derive(Debug, thiserror::Error)]
+pub enum LoadError {
+    /// The file cannot be read.
+    #[error("machine file {path}: {cause} (or name an embedded machine: reference, paper)")]
+    Unreadable {
+        /// Which file.
+        path: PathBuf,
+        /// What the system says.
+        cause: std::io::Error,
+    },
+    /// The file says what cannot be.
+    #[error(transparent)]
+    Problems(#[from] Box<FileProblems>),
+}
+
+/// The machine of a file, or an embedded one by its name.
+pub fn load(name_or_path: &str) -> Result<Machine, LoadError> {
+    if let Some((name, text)) = EMBEDDED.into_iter().find(|(name, _)| *name == name_or_path) {
+        return Ok(machine_file::read(&format!("{name} (embedded)"), text, None).map_err(Box::new)?);
+    }
+    let path = Path::new(name_or_path);
+    let text = std::fs::read_to_string(path)
+        .map_err(|cause| LoadError::Unreadable { path: path.to_owned(), cause })?;
+    Ok(machine_file::read(name_or_path, &text, path.parent()).map_err(Box::new)?)
+}
+
+/// A machine from a text, as a log carries it. Board sheets are the embedded ones.
+pub fn from_text(source: &str, text: &str) -> Result<Machine, Box<FileProblems>> {
+    machine_file::read(source, text, None).map_err(Box::new)
+}

@@ -1,0 +1,244 @@
+//! The conductor: one period of the machine, from frames in to frames out and record.
+//!
+//! ```text
+//!   orders ─► collect ─► mode ─► control ─► dispatch ─► record
+//! ```
+//!
+//! [`Cycle::run`] is the same on the machine, in simulation and in replay: the bus, the orders and the
+//! slot on the grid are arguments. The period ends well before the next: feedback that is not there by
+//! the end of the reply window is stale, and an axis that stays without is stopped.
+//! Invariant: the record holds everything that the cycle read and decided.
+
+pub mod bucket;
+pub mod mode;
+pub mod pace;
+pub mod procedure;
+mod verdict;
+
+use crate::base::axis::PerAxis;
+use crate::base::command::{Command, Limits as Acted};
+use crate::base::fault::Fault;
+use crate::base::record::{CycleRecord, Stage};
+use crate::base::sample::Freshness;
+use crate::base::time::{Moment, Span};
+use crate::base::units::Acceleration;
+use crate::rt::bus::Bus;
+use crate::rt::control::{self, Answer, AxisLoop, profile::Profile};
+use crate::rt::door::{Order, Orders, Records};
+use crate::rt::drive::state::{self, Target};
+use crate::rt::drive::{Drives, Observation, Operational};
+
+use bucket::{Bucket, BucketLimit};
+use mode::{Mode, Patience, Sight, Wish};
+use pace::{Pace, Slot};
+
+/// What sets a cycle, beside the settings of its axes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// The position loop acts, and orders are taken, in each so many cycles.
+    pub position_every: u32,
+    /// From the SYNC to the last moment at which feedback counts as fresh.
+    pub reply_window: Span,
+    /// Cycles without fresh feedback that are borne.
+    pub stale_cycles_max: u32,
+    /// Longest silence between heartbeats.
+    pub heartbeat_timeout: Span,
+    /// How long enabling and stopping may take.
+    pub patience: Patience,
+    /// How many missed periods are borne.
+    pub overruns: BucketLimit,
+    /// Along the path when a motion is stopped.
+    pub stop_acceleration: Acceleration,
+}
+
+/// The machine's cycle.
+#[derive(Debug)]
+pub struct Cycle {
+    settings: Settings,
+    drives: Drives<Operational>,
+    loops: PerAxis<AxisLoop>,
+    modes: PerAxis<Mode>,
+    answers: PerAxis<Answer>,
+    commands: PerAxis<Command>,
+    profile: Profile,
+    overruns: Bucket,
+    overruns_seen: u64,
+    next_order_slot: u64,
+    is_send_refused: bool,
+    record: CycleRecord,
+}
+
+impl Cycle {
+    /// A cycle over commissioned drives; every axis off.
+    pub fn new(settings: Settings, drives: Drives<Operational>, axes: &PerAxis<control::Settings>) -> Self {
+        let count = axes.count();
+        Self {
+            settings,
+            drives,
+            loops: axes.map(|_, axis| AxisLoop::new(axis)),
+            modes: PerAxis::filled(count, Mode::Off),
+            answers: PerAxis::filled(count, Answer::default()),
+            commands: PerAxis::filled(count, Command::default()),
+            profile: Profile::new(count),
+            overruns: Bucket::new(settings.overruns),
+            overruns_seen: 0,
+            next_order_slot: 0,
+            is_send_refused: false,
+            record: CycleRecord::empty(count),
+        }
+    }
+
+    /// One period.
+    pub fn run<B: Bus>(&mut self, bus: &mut B, orders: &mut impl Orders, slot: &Slot) -> &mut CycleRecord {
+        let now = slot.timing.scheduled;
+        let is_position_tick = self.is_position_tick(slot);
+        let order = if is_position_tick { orders.next(&self.record) } else { None };
+        let observed = self.drives.collect(bus, slot.number, now + self.settings.reply_window);
+        let wish = self.take(order, now);
+        self.decide(wish, &observed, slot);
+        self.profile.advance(now);
+        self.control(&observed, is_position_tick);
+        self.is_send_refused = self.drives.dispatch(bus, &self.commands, slot.number).is_err();
+        self.write_record(&observed, slot)
+    }
+
+    /// Every so many slots; a skipped tick of the position loop is made up for in the next slot.
+    fn is_position_tick(&mut self, slot: &Slot) -> bool {
+        let is_due = slot.number >= self.next_order_slot;
+        if is_due {
+            let every = u64::from(self.settings.position_every);
+            self.next_order_slot = (slot.number / every + 1) * every;
+        }
+        is_due
+    }
+
+    /// Carry out what concerns the motion; return what concerns the modes.
+    fn take(&mut self, order: Option<Order>, now: Moment) -> Wish {
+        let all_ready = self.modes.as_slice().iter().all(|mode| *mode == Mode::Ready);
+        match order {
+            None => return Wish::Nothing,
+            Some(Order::Enable) => return Wish::Enable,
+            Some(Order::Disable) => return Wish::Disable,
+            Some(Order::Stop) => return Wish::Stop,
+            Some(Order::ClearFaults) => return Wish::ClearFault,
+            Some(Order::UseGains(set)) => self.use_gains(set),
+            Some(Order::Line(line)) if all_ready => {
+                self.profile.start_line(&line, now);
+                self.record.stage.motion += 1;
+            }
+            Some(Order::Circle(circle)) if all_ready => {
+                if self.profile.start_circle(&circle, now) {
+                    self.record.stage.motion += 1;
+                }
+            }
+            // A motion is not begun while another runs or an axis is not ready.
+            Some(Order::Line(_) | Order::Circle(_)) => {}
+        }
+        Wish::Nothing
+    }
+
+    fn use_gains(&mut self, set: u8) {
+        for (axis, axis_loop) in self.loops.iter_mut() {
+            let sample = &self.record.axes[axis].sample;
+            axis_loop.use_gains(set, &self.profile.setpoints()[axis], sample);
+        }
+    }
+
+    /// What is wrong, what was wished, and so the mode of each axis.
+    fn decide(&mut self, wish: Wish, observed: &PerAxis<Observation>, slot: &Slot) {
+        let now = slot.timing.scheduled;
+        let is_overrun = self.overruns.cycle(slot.overruns - self.overruns_seen);
+        self.overruns_seen = slot.overruns;
+        let any_fault = self.modes.as_slice().iter().any(|mode| mode.fault().is_some());
+        for (axis, mode) in self.modes.iter_mut() {
+            let observation = &observed[axis];
+            let limits = self.loops[axis].limits();
+            let expected = self.loops[axis].expected();
+            let own = verdict::of_link(observation, *mode, self.is_send_refused, &self.settings).or_else(|| {
+                let is_energised = mode.is_energised();
+                is_energised.then(|| limits.violation(&observation.sample, expected.expected_position()))?
+            });
+            let shared = is_overrun.then_some(Fault::Overrun).or(any_fault.then_some(Fault::OtherAxis));
+            let sight = Sight {
+                now,
+                wish,
+                fault: own.or(shared.filter(|_| mode.wants_drive())),
+                drive_is_enabled: observation.drive == Some(state::DriveState::OperationEnabled),
+                motion_is_running: self.profile.is_running(),
+                is_standing: limits.is_standing(observation.sample.velocity)
+                    && limits.is_standing(expected.expected_velocity()),
+            };
+            *mode = mode.next(&sight, &self.settings.patience);
+        }
+        if self.modes.as_slice().iter().any(|mode| !matches!(mode, Mode::Ready | Mode::Moving)) {
+            self.profile.stop(self.settings.stop_acceleration, now);
+        }
+    }
+
+    /// A command for each axis: the loops where current may flow, zero where not.
+    fn control(&mut self, observed: &PerAxis<Observation>, is_position_tick: bool) {
+        for (axis, command) in self.commands.iter_mut() {
+            let (mode, observation) = (self.modes[axis], &observed[axis]);
+            let answer = &mut self.answers[axis];
+            if !mode.is_energised() {
+                self.loops[axis].follow(&observation.sample);
+                self.profile.stand(axis, observation.sample.position);
+                *answer = Answer::default();
+            } else if observation.sample.freshness == Freshness::Fresh {
+                let setpoint = &self.profile.setpoints()[axis];
+                *answer = self.loops[axis].step(setpoint, &observation.sample, is_position_tick);
+            }
+            // Energised without fresh feedback: the last answer stands until the fault takes it away.
+            let target = match mode {
+                Mode::Off => Target::FaultReset,
+                Mode::Faulted { .. } => Target::Disabled,
+                Mode::Enabling { .. } | Mode::Ready | Mode::Moving | Mode::Stopping { .. } => Target::Enabled,
+            };
+            let is_saturated = verdict::is_saturated(observation);
+            *command = Command {
+                current: answer.current,
+                control_word: state::control_word(observation.drive, target, command.control_word),
+                terms: answer.terms,
+                limits: answer.limits.with(Acted::when(is_saturated, Acted::DRIVE)),
+            };
+        }
+    }
+
+    fn write_record(&mut self, observed: &PerAxis<Observation>, slot: &Slot) -> &mut CycleRecord {
+        let record = &mut self.record;
+        record.cycle = slot.number;
+        record.timing = slot.timing;
+        record.overruns = slot.overruns;
+        record.stage =
+            Stage { is_measured: self.profile.is_measured(slot.timing.scheduled), ..record.stage };
+        for (axis, row) in record.axes.iter_mut() {
+            row.mode = self.modes[axis].tag();
+            row.fault = self.modes[axis].fault();
+            row.gain_set = self.loops[axis].gain_set();
+            row.setpoint = self.profile.setpoints()[axis];
+            row.sample = observed[axis].sample;
+            row.command = self.commands[axis];
+        }
+        record
+    }
+}
+
+/// Run cycles until the orders say that it is done.
+pub fn conduct<B: Bus>(
+    cycle: &mut Cycle,
+    bus: &mut B,
+    pace: &mut impl Pace,
+    orders: &mut impl Orders,
+    records: &mut impl Records,
+) {
+    loop {
+        let slot = pace.wait();
+        let record = cycle.run(bus, orders, &slot);
+        record.lost_records = records.lost();
+        records.put(record);
+        pace.finish();
+        if orders.is_done(record) {
+            return;
+        }
+    }
+}

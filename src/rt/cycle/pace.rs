@@ -1,0 +1,148 @@
+//! When the next cycle runs: an absolute grid of periods from the start of the run.
+//!
+//! [`Virtual`] steps from slot to slot as fast as it is called. [`Wall`] sleeps until each slot on the
+//! monotonic clock; slots that have passed by then are skipped and counted, never run in a burst.
+//! Invariant: the only reader of the clock in `rt`; the grid never moves.
+
+use nix::sys::time::TimeSpec;
+use nix::time::{ClockId, ClockNanosleepFlags, clock_gettime, clock_nanosleep};
+
+use crate::base::record::Timing;
+use crate::base::time::{Moment, Span};
+
+/// A place on the grid, and what the clock said around it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Slot {
+    /// Number of the period since start.
+    pub number: u64,
+    /// Clock reads.
+    pub timing: Timing,
+    /// Periods skipped since start.
+    pub overruns: u64,
+}
+
+/// Something that says when.
+pub trait Pace {
+    /// Wait for the next slot.
+    fn wait(&mut self) -> Slot;
+    /// The cycle of the present slot is done.
+    fn finish(&mut self);
+}
+
+/// Virtual time: every cycle starts on its slot and takes no time.
+#[derive(Clone, Debug)]
+pub struct Virtual {
+    period: Span,
+    next: u64,
+}
+
+impl Virtual {
+    /// A grid of `period` from moment zero.
+    pub const fn new(period: Span) -> Self {
+        Self { period, next: 0 }
+    }
+}
+
+impl Pace for Virtual {
+    fn wait(&mut self) -> Slot {
+        let number = self.next;
+        self.next += 1;
+        let scheduled = Moment::ZERO + self.period * number as i64;
+        Slot { number, timing: Timing { scheduled, woke: scheduled, previous_finished: scheduled }, overruns: 0 }
+    }
+    fn finish(&mut self) {}
+}
+
+/// Wall-clock time.
+#[derive(Clone, Debug)]
+pub struct Wall {
+    period: Span,
+    origin: Moment,
+    next: u64,
+    overruns: u64,
+    finished: Moment,
+}
+
+/// Now, on the monotonic clock.
+pub fn monotonic_now() -> Moment {
+    match clock_gettime(ClockId::CLOCK_MONOTONIC) {
+        Ok(time) => Moment::ns(time.tv_sec() * 1_000_000_000 + time.tv_nsec()),
+        // Linux refuses this clock to nobody; a grid without a clock would be worse than a stop.
+        Err(errno) => panic!("CLOCK_MONOTONIC cannot be read: {errno}"),
+    }
+}
+
+impl Wall {
+    /// A grid of `period` that starts one period from now.
+    pub fn new(period: Span) -> Self {
+        let now = monotonic_now();
+        Self { period, origin: now + period, next: 0, overruns: 0, finished: now }
+    }
+
+    /// Moment zero of the run, on the monotonic clock.
+    pub const fn origin(&self) -> Moment {
+        self.origin
+    }
+
+    /// Move past the slots that are already over, at `now`; returns where the next one stands.
+    fn skip(&mut self, now: Moment) -> Moment {
+        let scheduled = self.origin + self.period * self.next as i64;
+        let missed = ((now - scheduled) / self.period).max(0);
+        self.next += missed as u64;
+        self.overruns += missed as u64;
+        scheduled + self.period * missed
+    }
+}
+
+impl Pace for Wall {
+    fn wait(&mut self) -> Slot {
+        let scheduled = self.skip(monotonic_now());
+        let until = TimeSpec::new(scheduled.as_ns() / 1_000_000_000, scheduled.as_ns() % 1_000_000_000);
+        // A signal may wake us early; the absolute time makes waiting again exact.
+        while clock_nanosleep(ClockId::CLOCK_MONOTONIC, ClockNanosleepFlags::TIMER_ABSTIME, &until).is_err() {}
+        let woke = monotonic_now();
+        let since_origin = |moment: Moment| Moment::ZERO + (moment - self.origin);
+        let timing = Timing {
+            scheduled: since_origin(scheduled),
+            woke: since_origin(woke),
+            previous_finished: since_origin(self.finished),
+        };
+        let number = self.next;
+        self.next += 1;
+        Slot { number, timing, overruns: self.overruns }
+    }
+
+    fn finish(&mut self) {
+        self.finished = monotonic_now();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PERIOD: Span = Span::us(500);
+
+    #[test]
+    fn late_slots_are_skipped_and_counted() {
+        let mut pace =
+            Wall { period: PERIOD, origin: Moment::ns(1_000), next: 4, overruns: 0, finished: Moment::ZERO };
+        let due = pace.origin + PERIOD * 4;
+        assert_eq!(pace.skip(due - Span::us(3)), due, "early");
+        assert_eq!(pace.skip(due + Span::us(499)), due, "late within the slot: it still runs");
+        assert_eq!(pace.overruns, 0);
+        assert_eq!(pace.skip(due + Span::us(1_700)), due + PERIOD * 3);
+        assert_eq!((pace.next, pace.overruns), (7, 3));
+    }
+
+    #[test]
+    fn the_wall_grid_is_absolute() {
+        let mut pace = Wall::new(PERIOD);
+        for _ in 0..20 {
+            let slot = pace.wait();
+            assert_eq!(slot.timing.scheduled, Moment::ZERO + PERIOD * slot.number as i64);
+            assert!(slot.timing.woke >= slot.timing.scheduled, "woke before its slot: {slot:?}");
+            pace.finish();
+        }
+    }
+}

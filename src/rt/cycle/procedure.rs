@@ -1,0 +1,146 @@
+//! Procedures: orders given in sequence, each when the one before is carried out. They run beside the
+//! cycle, see only its records, and so take the same course on a machine and in simulation.
+//!
+//! The circular test: enable, choose gains, then for each circle move to its start and run it, and
+//! disable. A fault, or the operator's stop, ends it with the axes at rest and without current.
+//! Invariant: an order is given only from a state in which the cycle accepts it.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use crate::base::axis::AxisId;
+use crate::base::fault::Fault;
+use crate::base::record::{CycleRecord, ModeTag};
+use crate::base::units::Velocity;
+use crate::rt::control::profile::{CircleMotion, LineMotion};
+use crate::rt::door::{Order, Orders};
+
+/// Most circles of one test: one each way.
+pub const CIRCLES_MAX: usize = 2;
+
+/// What a circular test does.
+#[derive(Clone, Copy, Debug)]
+pub struct CircleTest {
+    /// Gain set of every axis.
+    pub gain_set: u8,
+    /// The circles, in order.
+    pub circles: [Option<CircleMotion>; CIRCLES_MAX],
+    /// On the way to the start of a circle.
+    pub positioning_feed: Velocity,
+}
+
+/// How far it has come.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Step {
+    Enable,
+    UseGains,
+    Position { circle: usize },
+    Circle { circle: usize },
+    Stop,
+    Disable,
+    Done,
+}
+
+/// How it ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ending {
+    /// All circles were run.
+    Complete,
+    /// The operator stopped it.
+    Interrupted,
+    /// A fault stopped it: the first axis with one that is its own.
+    Faulted(AxisId, Fault),
+}
+
+/// A circular test under way.
+#[derive(Clone, Debug)]
+pub struct CircleProcedure {
+    test: CircleTest,
+    step: Step,
+    ending: Ending,
+    stop_wish: Arc<AtomicBool>,
+}
+
+impl CircleProcedure {
+    /// A test to be run; setting `stop_wish` ends it early.
+    pub fn new(test: CircleTest, stop_wish: Arc<AtomicBool>) -> Self {
+        Self { test, step: Step::Enable, ending: Ending::Complete, stop_wish }
+    }
+
+    /// How it ended, once it is done.
+    pub fn ending(&self) -> Ending {
+        self.ending
+    }
+
+    fn is_everywhere(last: &CycleRecord, mode: ModeTag) -> bool {
+        last.axes.as_slice().iter().all(|axis| axis.mode == mode)
+    }
+
+    /// The fault that started it all; axes stopped along with it come last.
+    fn fault(last: &CycleRecord) -> Option<(AxisId, Fault)> {
+        let faults = || last.axes.iter().filter_map(|(id, axis)| Some((id, axis.fault?)));
+        faults().find(|(_, fault)| *fault != Fault::OtherAxis).or_else(|| faults().next())
+    }
+
+    fn positioning(&self, circle: &CircleMotion, last: &CycleRecord) -> Order {
+        let (x, y) = circle.start();
+        let mut target = last.axes.map(|_, axis| axis.setpoint.position);
+        target[AxisId::X] = x;
+        target[AxisId::Y] = y;
+        Order::Line(LineMotion { target, feed: self.test.positioning_feed, acceleration: circle.acceleration })
+    }
+
+    /// The step after `circle`, or the first.
+    fn after(&self, circle: Option<usize>) -> Step {
+        let next = circle.map_or(0, |done| done + 1);
+        match self.test.circles.get(next) {
+            Some(Some(_)) => Step::Position { circle: next },
+            Some(None) | None => Step::Disable,
+        }
+    }
+
+    fn watch(&mut self, last: &CycleRecord) {
+        if let Some((axis, fault)) = Self::fault(last) {
+            if self.ending == Ending::Complete {
+                self.ending = Ending::Faulted(axis, fault);
+            }
+            self.step = Step::Done;
+        } else if self.stop_wish.load(Ordering::Relaxed) && self.ending == Ending::Complete {
+            self.ending = Ending::Interrupted;
+            self.step = Step::Stop;
+        }
+    }
+}
+
+impl Orders for CircleProcedure {
+    fn next(&mut self, last: &CycleRecord) -> Option<Order> {
+        self.watch(last);
+        let is_ready = Self::is_everywhere(last, ModeTag::Ready);
+        let circle = |index: usize| self.test.circles.get(index).copied().flatten();
+        let (order, step) = match self.step {
+            Step::Enable if Self::is_everywhere(last, ModeTag::Off) => (Order::Enable, Step::UseGains),
+            Step::UseGains if is_ready => (Order::UseGains(self.test.gain_set), self.after(None)),
+            Step::Position { circle: index } if is_ready => {
+                (self.positioning(&circle(index)?, last), Step::Circle { circle: index })
+            }
+            Step::Circle { circle: index } if is_ready => {
+                (Order::Circle(circle(index)?), self.after(Some(index)))
+            }
+            Step::Stop => (Order::Stop, Step::Disable),
+            Step::Disable if is_ready => (Order::Disable, Step::Done),
+            Step::Enable
+            | Step::UseGains
+            | Step::Position { .. }
+            | Step::Circle { .. }
+            | Step::Disable
+            | Step::Done => return None,
+        };
+        self.step = step;
+        Some(order)
+    }
+
+    fn is_done(&self, last: &CycleRecord) -> bool {
+        let is_at_rest = |mode: ModeTag| matches!(mode, ModeTag::Off | ModeTag::Faulted);
+        self.step == Step::Done && last.axes.as_slice().iter().all(|axis| is_at_rest(axis.mode))
+    }
+}

@@ -1,0 +1,111 @@
+//! The only way across the fence around the cycle: orders in, records out, both wait-free rings.
+//!
+//! The cycle takes at most one order at a time and never waits for one; a record that finds the ring
+//! full is dropped and counted, and the count travels in every later record.
+//! Invariant: nothing on the cycle's side of the door blocks, allocates or frees.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use crate::base::record::CycleRecord;
+use crate::rt::control::profile::{CircleMotion, LineMotion};
+
+/// What the cycle can be told.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Order {
+    /// Current on, bumpless.
+    Enable,
+    /// Come to rest, current off.
+    Disable,
+    /// Come to rest along the path.
+    Stop,
+    /// Forget faults whose cause is gone.
+    ClearFaults,
+    /// Use this gain set on every axis, without a bump.
+    UseGains(u8),
+    /// Move straight.
+    Line(LineMotion),
+    /// Move in a circle.
+    Circle(CircleMotion),
+}
+
+/// Where orders come from: the ring from outside, or a procedure that runs beside the cycle.
+pub trait Orders {
+    /// The next order, if one is due; `last` is what happened in the cycle before. Asked at the ticks
+    /// of the position loop.
+    fn next(&mut self, last: &CycleRecord) -> Option<Order>;
+    /// Whether the run is over after `last`.
+    fn is_done(&self, last: &CycleRecord) -> bool;
+}
+
+/// Where records go.
+pub trait Records {
+    /// Take one cycle's record. Must not wait on a machine.
+    fn put(&mut self, record: &CycleRecord);
+    /// Records lost so far, anywhere on the way to the disk.
+    fn lost(&self) -> u64;
+}
+
+/// The cycle's end of the record ring.
+#[derive(Debug)]
+pub struct RecordRing {
+    ring: rtrb::Producer<CycleRecord>,
+    lost: Arc<AtomicU64>,
+    done: Arc<AtomicU64>,
+}
+
+/// The other end: records to be written, and the counters shared with the cycle.
+#[derive(Debug)]
+pub struct RecordDrain {
+    /// Records in order.
+    pub ring: rtrb::Consumer<CycleRecord>,
+    /// Records lost; the writer adds what it cannot write.
+    pub lost: Arc<AtomicU64>,
+    /// Cycles run so far, for a progress display.
+    pub cycles: Arc<AtomicU64>,
+}
+
+/// A ring for `capacity` records.
+pub fn record_ring(capacity: usize) -> (RecordRing, RecordDrain) {
+    let (producer, consumer) = rtrb::RingBuffer::new(capacity);
+    let (lost, cycles) = (Arc::new(AtomicU64::new(0)), Arc::new(AtomicU64::new(0)));
+    let near = RecordRing { ring: producer, lost: Arc::clone(&lost), done: Arc::clone(&cycles) };
+    (near, RecordDrain { ring: consumer, lost, cycles })
+}
+
+impl RecordRing {
+    /// Whether a record would find room.
+    pub fn has_room(&self) -> bool {
+        self.ring.slots() > 0
+    }
+}
+
+impl Records for RecordRing {
+    fn put(&mut self, record: &CycleRecord) {
+        if self.ring.push(*record).is_err() {
+            self.lost.fetch_add(1, Ordering::Relaxed);
+        }
+        self.done.store(record.cycle + 1, Ordering::Relaxed);
+    }
+    fn lost(&self) -> u64 {
+        self.lost.load(Ordering::Relaxed)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_full_ring_counts_and_keeps_the_oldest() {
+        let (mut near, mut far) = record_ring(2);
+        for cycle in 0..5 {
+            near.put(&CycleRecord { cycle, ..CycleRecord::empty(2) });
+        }
+        assert_eq!(near.lost(), 3);
+        assert_eq!(far.lost.load(Ordering::Relaxed), 3);
+        assert_eq!(far.cycles.load(Ordering::Relaxed), 5);
+        let kept: Vec<u64> = std::iter::from_fn(|| far.ring.pop().ok()).map(|r| r.cycle).collect();
+        assert_eq!(kept, [0, 1]);
+    }
+}
