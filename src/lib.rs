@@ -5,3 +5,4 @@
 
 pub mod base; //    words: units, time, axis, sample, setpoint, command, fault, record
 pub mod rt; //      real time: bus, wire, drive; no heap, no lock, no clock
+pub mod sim; //     the machine in memory: boards on a bus
