@@ -6,4 +6,5 @@
 pub mod base; //    words: units, time, axis, sample, setpoint, command, fault, record
 pub mod plant; //   friction, mechanics, actuator, encoder: the physics, written once
 pub mod rt; //      real time: bus, wire, drive, control, cycle
+pub mod sim; //     the machine in memory
 pub mod config; //  machine files become checked settings
