@@ -10,9 +10,11 @@ use crate::rt::wire;
 /// Load of one cycle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BusLoad {
-    /// Time the frames of one cycle take, s.
-    pub busy_s: f64,
-    /// As a share of the period.
+    /// Time that SYNC and feedback of all axes take, s.
+    pub replies_s: f64,
+    /// Time that the commands of all axes take, s.
+    pub commands_s: f64,
+    /// Both, as a share of the period.
     pub share: f64,
     /// Frames per cycle.
     pub frames: usize,
@@ -55,9 +57,12 @@ impl BusLoad {
             bits.nominal as f64 / f64::from(machine.bus.nominal_bit_per_s)
                 + bits.data as f64 / f64::from(machine.bus.data_bit_per_s)
         };
-        let frames = || wire::cycle_frames(machine.axes.count());
-        let busy_s: f64 = frames().map(|frame| time_s(&frame)).sum();
-        Self { busy_s, share: busy_s / machine.cycle.period.as_s(), frames: frames().count() }
+        let axes = machine.axes.count();
+        let [sync_s, feedback_s, command_s] = wire::cycle_frames().map(|frame| time_s(&frame));
+        let replies_s = sync_s + feedback_s * axes as f64;
+        let commands_s = command_s * axes as f64;
+        let share = (replies_s + commands_s) / machine.cycle.period.as_s();
+        Self { replies_s, commands_s, share, frames: 1 + 2 * axes }
     }
 }
 

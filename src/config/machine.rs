@@ -2,13 +2,15 @@
 
 use crate::base::axis::{AxisId, PerAxis};
 use crate::base::time::Span;
-use crate::base::units::{Acceleration, Velocity};
+use crate::base::units::{Acceleration, Current, Velocity};
 use crate::plant;
 use crate::rt::control;
 use crate::rt::cycle::bucket::BucketLimit;
 use crate::rt::cycle::mode::Patience;
 use crate::rt::drive::sheet::Sheet;
 use crate::rt::drive::velocity::VelocityEstimate;
+use crate::rt::wire::Node;
+use crate::rt::wire::scaling::AxisScale;
 
 /// Names that axes can have, by number.
 pub const AXIS_NAMES: [&str; 3] = ["x", "y", "z"];
@@ -82,13 +84,17 @@ pub struct Motion {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Axis {
     /// Number of its board on the bus.
-    pub node: u8,
+    pub node: Node,
     /// What must be true inside the board.
     pub sheet: Sheet,
+    /// Counts to quantities.
+    pub scale: AxisScale,
     /// Age of the latched encoders at the SYNC.
     pub feedback_latency: Span,
     /// How the motor's velocity is estimated.
     pub velocity_estimate: VelocityEstimate,
+    /// Noise of the current measurement in simulation, rms.
+    pub current_noise: Current,
     /// Mechanics, friction, actuator.
     pub plant: plant::Parameters,
     /// Loops and limits. Its own plant parameters equal `plant` unless somebody makes them differ.

@@ -16,10 +16,12 @@ use crate::rt::cycle::bucket::BucketLimit;
 use crate::rt::cycle::mode::Patience;
 use crate::rt::drive::sheet::{CommandApplies, Sheet};
 use crate::rt::drive::velocity::VelocityEstimate;
+use crate::rt::wire::Node;
+use crate::rt::wire::scaling::{AxisScale, ScaleSettings, Sense};
 
-/// Share of the bus that the cycle's frames may take; the rest is for retransmission, heartbeats,
-/// emergencies and parameter access.
-const BUS_LOAD_MAX: f64 = 0.8;
+/// Share of the bus that the cycle's frames may take with all the stuff bits they can need; the rest is
+/// for heartbeats, emergencies and retransmission.
+const BUS_LOAD_MAX: f64 = 0.9;
 
 /// Read a machine; sheets are looked for in `folder` before the embedded ones.
 pub(super) fn read(source: &str, text: &str, folder: Option<&Path>) -> Result<Machine, FileProblems> {
@@ -140,7 +142,7 @@ fn axes(section: &Section<'_>, cycle: &Cycle, sets: &[String], folder: Option<&P
     for (id, axis) in axes.iter() {
         if axes.iter().any(|(other, twin)| other < id && twin.node == axis.node) {
             let board = section.section(AXIS_NAMES[id.index()]).section("board");
-            board.object("node", format!("{} is another axis' node", axis.node), "each axis has its own");
+            board.object("node", format!("{} is another axis' node", axis.node.number()), "each axis has its own");
         }
     }
     axes
@@ -148,19 +150,24 @@ fn axes(section: &Section<'_>, cycle: &Cycle, sets: &[String], folder: Option<&P
 
 fn axis(section: Section<'_>, cycle: &Cycle, sets: &[String], folder: Option<&Path>) -> Axis {
     let board = section.section("board");
-    let node = board.whole("node", 1..=127, "") as u8;
+    let node = Node::new(board.whole("node", 1..=127, "") as u8).unwrap_or(Node::MAX);
     let feedback_latency = Span::us(board.whole("feedback-latency-us", 0..=20_000, "us"));
     if feedback_latency > cycle.period {
         let title = format!("{} us is longer than a period", feedback_latency.as_us());
         board.object("feedback-latency-us", title, format!("allowed is 0 to {} us", cycle.period.as_us()));
     }
-    let actuator = actuator(section.section("drive"), cycle);
+    let drive = section.section("drive");
+    let actuator = actuator(&drive, cycle);
+    let current_noise = Current::a(drive.number("current-noise-a-rms", 0.0..=1_000.0, "A"));
     let encoder = section.section("motor-encoder");
     let velocity_estimate = encoder.choice(
         "velocity-estimate",
         &[("difference", VelocityEstimate::Difference), ("second-order", VelocityEstimate::SecondOrder)],
     );
-    let sheet = sheet(&section, board, encoder, &actuator, folder);
+    let table = section.optional_section("table-scale");
+    let senses = (sense(&encoder), table.as_ref().map_or(Sense::Along, sense));
+    let sheet = sheet(board, encoder, table, (&drive, &actuator), folder);
+    drive.close();
     let plant = plant::Parameters {
         mechanics: mechanics(section.section("mechanics")),
         friction: friction(section.section("friction")),
@@ -175,14 +182,25 @@ fn axis(section: Section<'_>, cycle: &Cycle, sets: &[String], folder: Option<&Pa
         gain_set_count: sets.len() as u8,
     };
     section.close();
-    Axis { node, sheet, feedback_latency, velocity_estimate, plant, control }
+    let scale = AxisScale::new(&ScaleSettings {
+        lead: Position::m(plant.mechanics.lead_m),
+        motor_counts_per_rev: sheet.motor_counts_per_rev,
+        motor_sense: senses.0,
+        table_counts_per_mm: (sheet.table_counts_per_mm > 0).then_some(sheet.table_counts_per_mm),
+        table_sense: senses.1,
+    });
+    Axis { node, sheet, scale, feedback_latency, velocity_estimate, current_noise, plant, control }
+}
+
+fn sense(section: &Section<'_>) -> Sense {
+    section.choice("sense", &[("along", Sense::Along), ("against", Sense::Against)])
 }
 
 fn sheet(
-    axis: &Section<'_>,
     board: Section<'_>,
     encoder: Section<'_>,
-    actuator: &Actuator,
+    table: Option<Section<'_>>,
+    (drive, actuator): (&Section<'_>, &Actuator),
     folder: Option<&Path>,
 ) -> Sheet {
     let name = board.text("sheet");
@@ -195,23 +213,23 @@ fn sheet(
         &[("on-receipt", CommandApplies::OnReceipt), ("on-next-sync", CommandApplies::OnNextSync)],
     );
     sheet.motor_counts_per_rev = encoder.whole("counts-per-rev", 100..=1 << 30, "counts") as u32;
-    sheet.table_counts_per_mm = axis.optional_section("table-scale").map_or(0, |scale| {
-        let counts = scale.whole("counts-per-mm", 1..=1 << 30, "counts");
-        scale.close();
+    sheet.table_counts_per_mm = table.map_or(0, |table| {
+        let counts = table.whole("counts-per-mm", 1..=1 << 30, "counts");
+        table.close();
         counts as u32
     });
     sheet.peak_current_ma = (actuator.peak_current.as_a() * 1e3).round() as u32;
     if sheet.peak_current_ma < sheet.rated_current_ma {
         let rated_a = f64::from(sheet.rated_current_ma) * 1e-3;
         let title = format!("peak current below the rated current of the board, {rated_a} A");
-        axis.section("drive").object("peak-current-a", title, format!("allowed is {rated_a} A or more"));
+        drive.object("peak-current-a", title, format!("allowed is {rated_a} A or more"));
     }
     board.close();
     encoder.close();
     sheet
 }
 
-fn actuator(section: Section<'_>, cycle: &Cycle) -> Actuator {
+fn actuator(section: &Section<'_>, cycle: &Cycle) -> Actuator {
     let dead_time = Span::us(section.whole("dead-time-us", 0..=20_000, "us"));
     let ticks_max = plant::DEAD_TICKS_MAX as i64 - 1;
     if dead_time > cycle.period * ticks_max {
@@ -219,14 +237,12 @@ fn actuator(section: Section<'_>, cycle: &Cycle) -> Actuator {
         let title = format!("{} us is more than {ticks_max} periods", dead_time.as_us());
         section.object("dead-time-us", title, format!("allowed is 0 to {bound_us} us"));
     }
-    let actuator = Actuator {
+    Actuator {
         torque_constant_nm_per_a: section.number("torque-constant-nm-per-a", 1e-3..=100.0, "N m/A"),
         current_loop_hz: section.number("current-loop-hz", 10.0..=20_000.0, "Hz"),
         dead_time: dead_time.min(cycle.period * ticks_max),
         peak_current: Current::a(section.number("peak-current-a", 0.1..=2_000.0, "A")),
-    };
-    section.close();
-    actuator
+    }
 }
 
 fn mechanics(section: Section<'_>) -> Mechanics {
@@ -359,16 +375,22 @@ fn gain_sets(axis: &Section<'_>, cycle: &Cycle, names: &[String]) -> [Gains; GAI
     std::array::from_fn(|index| sets[index.min(sets.len() - 1)])
 }
 
+/// A cycle is: SYNC, feedback within the reply window, commands before the next SYNC.
 fn check_bus(root: &Section<'_>, machine: &Machine) {
     let load = BusLoad::of(machine);
+    let section = root.section("cycle");
+    let [period_us, window_us] = [machine.cycle.period, machine.cycle.reply_window].map(Span::as_us);
+    let [replies_us, commands_us] = [load.replies_s, load.commands_s].map(|s| s * 1e6);
     if load.share > BUS_LOAD_MAX {
-        let title = format!(
-            "a cycle's frames take {:.0} us of its {:.0} us: {:.0} % of the bus",
-            load.busy_s * 1e6,
-            machine.cycle.period.as_us(),
-            load.share * 100.0
-        );
-        let bound = BUS_LOAD_MAX * 100.0;
-        root.section("cycle").object("period-us", title, format!("allowed is up to {bound} %"));
+        let (busy_us, percent) = (replies_us + commands_us, load.share * 100.0);
+        let title = format!("frames take {busy_us:.0} us of {period_us} us: {percent:.0} % of the bus");
+        section.object("period-us", title, format!("allowed is up to {} %", BUS_LOAD_MAX * 100.0));
+    } else if replies_us > window_us {
+        let title = format!("SYNC and feedback alone take {replies_us:.0} us");
+        section.object("reply-window-us", title, format!("allowed is {replies_us:.0} us or more"));
+    } else if window_us + commands_us > period_us {
+        let title = format!("{window_us} us and {commands_us:.0} us of commands pass the period");
+        let bound_us = (period_us - commands_us).floor();
+        section.object("reply-window-us", title, format!("allowed is up to {bound_us} us"));
     }
 }

@@ -4,6 +4,7 @@
 //! (`problem.rs`), and what comes out is a [`Machine`] that the rest trusts. Two machines are embedded.
 //! Invariant: nothing that moves has a silent default; a text with a problem gives no machine.
 
+mod assemble;
 pub mod bus_load;
 pub mod machine;
 mod machine_file;

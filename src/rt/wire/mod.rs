@@ -103,13 +103,14 @@ impl Address {
     }
 }
 
-/// The frames of one cycle with `axes` axes, for the load they put on the bus: SYNC, then feedback and
-/// command of each axis.
-pub fn cycle_frames(axes: usize) -> impl Iterator<Item = Frame> {
-    let node = |axis: usize| Node(axis as u8 + 1);
-    let feedback = move |axis| feedback::encode(node(axis), &RawFeedback::default());
-    let command = move |axis| command::encode(node(axis), &command::RawCommand::default());
-    std::iter::once(command::encode_sync(0)).chain((0..axes).flat_map(move |a| [feedback(a), command(a)]))
+/// A frame of each kind that a cycle sends, for the load they put on the bus: SYNC once, feedback and
+/// command for each axis.
+pub fn cycle_frames() -> [Frame; 3] {
+    [
+        command::encode_sync(0),
+        feedback::encode(Node::MAX, &RawFeedback::default()),
+        command::encode(Node::MAX, &command::RawCommand::default()),
+    ]
 }
 
 /// Why a frame with one of our identifiers means nothing to us.

@@ -1,0 +1,56 @@
+//! From a checked machine to the settings of those who run it: cycle, drives, simulated rack.
+//!
+//! Invariant: what control believes of an axis and what is simulated of it are two values
+//! ([`Machine::axes`]: `control.axis` and `plant`); they are equal only by choice.
+
+use super::Machine;
+use crate::base::axis::PerAxis;
+use crate::rt::control;
+use crate::rt::cycle;
+use crate::rt::drive::{Configuring, DriveSettings, Drives, SettingsError};
+use crate::sim::rack;
+
+impl Machine {
+    /// Settings of the cycle.
+    pub fn cycle_settings(&self) -> cycle::Settings {
+        cycle::Settings {
+            position_every: self.cycle.position_every,
+            reply_window: self.cycle.reply_window,
+            stale_cycles_max: self.supervision.stale_cycles_max,
+            heartbeat_timeout: self.supervision.heartbeat_timeout,
+            patience: self.supervision.patience,
+            overruns: self.supervision.overruns,
+            stop_acceleration: self.motion.path_acceleration,
+        }
+    }
+
+    /// Settings of the loops.
+    pub fn control_settings(&self) -> PerAxis<control::Settings> {
+        self.axes.map(|_, axis| axis.control)
+    }
+
+    /// Drives to be commissioned.
+    pub fn drives(&self) -> Result<Drives<Configuring>, SettingsError> {
+        let drives = self.axes.map(|_, axis| DriveSettings {
+            node: axis.node,
+            sheet: axis.sheet,
+            serial: None,
+            scale: axis.scale,
+            velocity_estimate: axis.velocity_estimate,
+        });
+        Drives::new(self.cycle.period, drives)
+    }
+
+    /// The machine to be simulated.
+    pub fn rack(&self, seed: u64) -> rack::Rack {
+        let axes = self.axes.map(|_, axis| rack::AxisSettings {
+            node: axis.node,
+            sheet: axis.sheet,
+            scale: axis.scale,
+            feedback_latency: axis.feedback_latency,
+            current_noise: axis.current_noise,
+            plant: axis.plant,
+        });
+        rack::Rack::new(self.cycle.period, &axes, seed)
+    }
+}
