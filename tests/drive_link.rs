@@ -420,6 +420,26 @@ fn frames_of_strangers_are_counted_and_change_nothing() {
     assert_eq!(seen[X].sample.raw.sequence, before[X].sample.raw.sequence + 1);
 }
 
+/// A bus on which a stranger never stops talking.
+struct Flooded;
+
+impl Bus for Flooded {
+    fn send(&mut self, _: &Frame) -> Result<(), SendError> {
+        Ok(())
+    }
+    fn receive(&mut self, until: Moment) -> Option<Received> {
+        Some(Received { frame: Frame::classic(Id::MAX, []), at: until })
+    }
+}
+
+#[test]
+fn a_flooded_bus_cannot_hold_the_cycle() {
+    let mut drives = Rig::new(SHEET).drives;
+    let seen = drives.collect(&mut Flooded, 1, Moment::ZERO);
+    assert_eq!(seen[X].sample.freshness, Freshness::Never);
+    assert_eq!(drives.foreign_frames(), 64, "32 frames an axis");
+}
+
 #[test]
 fn a_sync_the_bus_refuses_is_reported_on_every_axis() {
     let mut rig = Rig::new(SHEET);

@@ -120,19 +120,16 @@ impl Drives<Configuring> {
         settings: CommissionSettings,
         clock: impl FnMut() -> Moment,
     ) -> Result<Drives<Operational>, CommissionError> {
-        let links = self.settings.map(|_, drive| Link::new(drive, self.period));
+        let Configuring { settings: drives, period } = self.phase;
+        let links = drives.map(|_, drive| Link::new(drive, period));
         let mut inquiry = Inquiry { bus, clock, settings, links };
-        for (axis, drive) in self.settings.iter() {
+        for (axis, drive) in drives.iter() {
             inquiry.check_identity(axis, drive)?;
             inquiry.check_firmware_config(axis, drive)?;
         }
         let mut links = inquiry.links;
         links.as_mut_slice().iter_mut().for_each(Link::start);
-        Ok(Drives {
-            settings: self.settings,
-            period: self.period,
-            phase: Operational { links, foreign_frames: 0 },
-        })
+        Ok(Drives { phase: Operational { links, foreign_frames: 0 } })
     }
 }
 

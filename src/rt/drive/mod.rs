@@ -10,7 +10,7 @@
 //! dispatch: one Command per axis ─► command frames out
 //! ```
 //!
-//! Invariant: what stands in a [`Sample`](crate::base::sample::Sample) as fresh was latched by this cycle's SYNC. After
+//! Invariant: what stands in a [`Sample`] as fresh was latched by this cycle's SYNC. After
 //! commissioning nothing is allocated, and time comes as an argument.
 
 pub mod commission;
@@ -76,22 +76,23 @@ pub struct Events {
     pub heartbeat_age: Span,
 }
 
-/// Phase before commissioning.
-#[derive(Clone, Copy, Debug)]
-pub struct Configuring(());
+/// Phase before commissioning: what the machine file says.
+#[derive(Clone, Debug)]
+pub struct Configuring {
+    settings: PerAxis<DriveSettings>,
+    period: Span,
+}
 
 /// Phase after commissioning: what changes from cycle to cycle.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Operational {
     links: PerAxis<Link>,
     foreign_frames: u64,
 }
 
 /// The drives of the machine in one phase of their bring-up.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Drives<Phase> {
-    settings: PerAxis<DriveSettings>,
-    period: Span,
     phase: Phase,
 }
 
@@ -119,7 +120,7 @@ impl Drives<Configuring> {
                 return Err(SettingsError::SameNode { first, second, node: drive.node });
             }
         }
-        Ok(Self { settings, period, phase: Configuring(()) })
+        Ok(Self { phase: Configuring { settings, period } })
     }
 }
 
