@@ -4,3 +4,5 @@
 //! direction (`tests/tidy.rs` holds them to it, `ARCHITECTURE.md` tells the story):
 
 pub mod base; //    words: units, time, axis, sample, setpoint, command, fault, record
+#[cfg(feature = "log")]
+pub mod log; //     one record layout, written here, read here
