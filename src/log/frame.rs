@@ -66,7 +66,7 @@ impl<R: Read + Seek> Frames<R> {
             source,
             at: MAGIC.len() as u64,
             total,
-            has_end: last == MAGIC,
+            has_end: last == MAGIC && total >= 2 * MAGIC.len() as u64,
             is_over: false,
             is_truncated: false,
             section,

@@ -5,7 +5,7 @@
 //! rt ring ─► writer ─► stream (records → MCAP bytes) ─► backlog (bytes → disk, never an error)
 //!                         schema + cdr + header                 │ file
 //! csv, summary, offline ◄─ reader ◄─ chunk ◄─ frame ◄───────────┤
-//!                          recover (damaged file → valid file) ◄┘
+//!                          recover + salvage (damaged → valid) ◄┘
 //! ```
 //!
 //! What a log promises:
@@ -22,15 +22,21 @@
 mod backlog;
 mod cdr;
 mod chunk;
+pub mod csv;
 mod error;
 mod frame;
 pub mod header;
 pub mod reader;
+pub mod recover;
+mod salvage;
 pub mod schema;
 mod stream;
+pub mod summary;
 pub mod writer;
 
 pub use error::LogError;
 pub use header::{Header, Pace};
 pub use reader::Reader;
+pub use recover::{Recovery, recover};
+pub use summary::Summary;
 pub use writer::{WriteOutcome, Writer};

@@ -33,7 +33,7 @@ const POLL: Duration = Duration::from_millis(2);
 /// Longest a chunk stays open: well inside the promised 250 ms, so that a busy machine keeps it.
 const CHUNK_SPAN: Duration = Duration::from_millis(100);
 /// Largest a chunk becomes, in bytes of messages.
-const CHUNK_BYTES: usize = 256 << 10;
+pub(super) const CHUNK_BYTES: usize = 256 << 10;
 /// Most records taken between two looks at the clock.
 const BATCH: usize = 256;
 /// Shortest time between two calls that force the file to the disk.
