@@ -8,3 +8,7 @@ pub mod plant; //   friction, mechanics, actuator, encoder: the physics, written
 pub mod rt; //      real time: bus, wire, drive, control, cycle
 pub mod sim; //     the machine in memory
 pub mod config; //  machine files become checked settings
+#[cfg(feature = "log")]
+pub mod log; //     records to MCAP and back: where online and offline meet
+#[cfg(feature = "offline")]
+pub mod offline; // logs in, numbers, pictures and pages out

@@ -1,0 +1,200 @@
+//! A run to log: its header, its records, and how records are compared.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
+
+use quadrant::base::axis::{AxisId, PerAxis};
+use quadrant::base::command::{Command, Limits, Terms};
+use quadrant::base::fault::Fault;
+use quadrant::base::record::{AxisRecord, CycleRecord, ModeTag, Stage, Timing};
+use quadrant::base::sample::{Freshness, RawFeedback, Sample};
+use quadrant::base::setpoint::Setpoint;
+use quadrant::base::time::{Moment, Span};
+use quadrant::base::units::{Acceleration, Current, Position, Velocity};
+use quadrant::log::{Header, LogError, Pace, Reader, WriteOutcome, Writer};
+
+pub(crate) const WALL_AT_ZERO_NS: i64 = 1_800_000_000_000_000_000;
+
+pub(crate) fn header(axes: usize) -> Header {
+    Header {
+        project_version: env!("CARGO_PKG_VERSION").to_owned(),
+        commit: "0123abc".to_owned(),
+        machine_name: "reference".to_owned(),
+        machine_text: "# machine\n[axis.x]\nlead-m = 0.016\n".to_owned(),
+        seed: 7,
+        pace: Pace::Virtual,
+        wall_at_zero_ns: WALL_AT_ZERO_NS,
+        axes: ["x", "y", "z"][..axes].iter().map(|name| (*name).to_owned()).collect(),
+        period: Span::us(500),
+        gain_sets: vec!["standard".to_owned()],
+        motions: BTreeMap::from([(1, serde_json::json!({"circle": {"radius_mm": 150}}))]),
+        extra: BTreeMap::from([("operator".to_owned(), "test".to_owned())]),
+    }
+}
+
+/// A cycle of a smooth motion, different in every field from its neighbours.
+pub(crate) fn record(axes: usize, cycle: u64) -> CycleRecord {
+    let at = Moment::ZERO + Span::us(500) * cycle as i64;
+    let phase = cycle as f64 * 1e-3;
+    let axis = |axis: AxisId| AxisRecord {
+        mode: ModeTag::Moving,
+        fault: (cycle % 1000 == 999).then_some(Fault::FollowingError),
+        gain_set: 1,
+        setpoint: Setpoint {
+            position: Position::m(phase.sin()),
+            velocity: Velocity::m_per_s(phase.cos()),
+            acceleration: Acceleration::m_per_s2(-phase.sin()),
+        },
+        sample: Sample {
+            raw: RawFeedback {
+                motor_counts: cycle as u32 * 17,
+                sequence: cycle as u8,
+                ..RawFeedback::default()
+            },
+            freshness: Freshness::Fresh,
+            age_cycles: 0,
+            position: Position::m((phase - 0.01).sin()),
+            velocity: Velocity::m_per_s(phase.cos()),
+            table_position: Position::m(if axis == AxisId::X { f64::NAN } else { phase }),
+            current: Current::a(phase.tan()),
+        },
+        command: Command {
+            current: Current::a(phase.sin() * 3.0),
+            control_word: 15,
+            terms: Terms {
+                following_error: Position::m(phase.sin() - (phase - 0.01).sin()),
+                ..Terms::default()
+            },
+            limits: Limits::CURRENT,
+        },
+    };
+    CycleRecord {
+        cycle,
+        timing: Timing { scheduled: at, woke: at + Span::us(3), previous_finished: at - Span::us(400) },
+        overruns: cycle / 700,
+        lost_records: 0,
+        stage: Stage { motion: 1, is_measured: cycle > 100 },
+        axes: PerAxis::from_fn(axes, axis),
+    }
+}
+
+/// Writes `records` with a ring of `capacity`, waiting for room as a virtual run does.
+pub(crate) fn write_with(
+    path: &Path,
+    axes: usize,
+    capacity: usize,
+    records: impl Iterator<Item = CycleRecord>,
+) -> (WriteOutcome, u64) {
+    let (mut ring, consumer) = rtrb::RingBuffer::new(capacity);
+    let lost = Arc::new(AtomicU64::new(0));
+    let writer = Writer::start(path, header(axes), consumer, Arc::clone(&lost)).unwrap();
+    for mut record in records {
+        while let Err(rtrb::PushError::Full(back)) = ring.push(record) {
+            record = back;
+            std::thread::yield_now();
+        }
+    }
+    drop(ring);
+    let outcome = writer.join();
+    (outcome, lost.load(Ordering::Relaxed))
+}
+
+pub(crate) fn write(path: &Path, axes: usize, count: u64) -> WriteOutcome {
+    write_with(path, axes, 4096, (0..count).map(|cycle| record(axes, cycle))).0
+}
+
+pub(crate) fn folder() -> tempfile::TempDir {
+    tempfile::tempdir().unwrap()
+}
+
+/// Equal to the bit: a NaN equals itself, 0 does not equal -0.
+pub(crate) fn is_same(one: &CycleRecord, other: &CycleRecord) -> bool {
+    let bits = |record: &CycleRecord| -> Vec<u64> {
+        record.axes.as_slice().iter().flat_map(floats).map(f64::to_bits).collect()
+    };
+    // Text makes every NaN equal; the slots of axes that the machine does not have are not shown.
+    let text = |record: &CycleRecord| {
+        let CycleRecord { cycle, timing, overruns, lost_records, stage, axes } = record;
+        format!("{cycle} {timing:?} {overruns} {lost_records} {stage:?} {:?}", axes.as_slice())
+    };
+    bits(one) == bits(other) && text(one) == text(other)
+}
+
+pub(crate) fn floats(axis: &AxisRecord) -> [f64; 16] {
+    let AxisRecord { setpoint, sample, command, .. } = axis;
+    let Terms {
+        following_error,
+        expected_position,
+        expected_velocity,
+        velocity_command,
+        proportional,
+        integral,
+        friction,
+        inertia,
+    } = command.terms;
+    [
+        setpoint.position.as_m(),
+        setpoint.velocity.as_m_per_s(),
+        setpoint.acceleration.as_m_per_s2(),
+        sample.position.as_m(),
+        sample.velocity.as_m_per_s(),
+        sample.table_position.as_m(),
+        sample.current.as_a(),
+        command.current.as_a(),
+        following_error.as_m(),
+        expected_position.as_m(),
+        expected_velocity.as_m_per_s(),
+        velocity_command.as_m_per_s(),
+        proportional.as_nm(),
+        integral.as_nm(),
+        friction.as_nm(),
+        inertia.as_nm(),
+    ]
+}
+
+/// A log of `chunks` chunks of 50 records each, made by leaving the writer time in between.
+pub(crate) fn write_in_chunks(path: &Path, chunks: u64) {
+    let (mut ring, consumer) = rtrb::RingBuffer::new(64);
+    let writer = Writer::start(path, header(2), consumer, Arc::default()).unwrap();
+    for cycle in 0..chunks * CHUNK_RECORDS {
+        ring.push(record(2, cycle)).unwrap();
+        if cycle % CHUNK_RECORDS == CHUNK_RECORDS - 1 {
+            std::thread::sleep(Duration::from_millis(130));
+        }
+    }
+    drop(ring);
+    assert!(writer.join().is_complete);
+}
+
+/// Records in a chunk of [`write_in_chunks`].
+pub(crate) const CHUNK_RECORDS: u64 = 50;
+
+/// Everything that can be read of a log in memory: records, how it ended, whether it was cut.
+pub(crate) fn read(bytes: &[u8]) -> (Vec<CycleRecord>, Result<(), LogError>, bool) {
+    let mut records = Vec::new();
+    let mut reader = match Reader::new(std::io::Cursor::new(bytes), Path::new("run.mcap")) {
+        Ok(reader) => reader,
+        Err(error) => return (records, Err(error), false),
+    };
+    for record in &mut reader {
+        match record {
+            Ok(record) => records.push(record),
+            Err(error) => return (records, Err(error), reader.is_truncated()),
+        }
+    }
+    let is_truncated = reader.is_truncated();
+    (records, Ok(()), is_truncated)
+}
+
+/// Where each chunk of a complete log starts and how long it is, by the log's own index.
+pub(crate) fn chunks(bytes: &[u8]) -> Vec<(usize, usize)> {
+    let index = mcap::Summary::read(bytes).unwrap().unwrap();
+    index
+        .chunk_indexes
+        .iter()
+        .map(|chunk| (chunk.chunk_start_offset as usize, chunk.chunk_length as usize))
+        .collect()
+}
