@@ -4,3 +4,6 @@
 //! direction (`tests/tidy.rs` holds them to it, `ARCHITECTURE.md` tells the story):
 
 pub mod base; //    words: units, time, axis, sample, setpoint, command, fault, record
+
+#[cfg(feature = "offline")]
+pub mod offline; // analysis: logs in, numbers and pictures out
