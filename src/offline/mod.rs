@@ -1,7 +1,9 @@
 //! Analysis: logs in, numbers and files out. Nothing here runs while a machine moves.
 //!
-//! Order of the work: records become a [`trace`], which the analyses read.
+//! Order of the work: records become a [`trace`], the trace of a circular path is judged by
+//! [`circle`].
 //!
 //! Invariant: pure functions of their input; the same input gives the same bytes.
 
+pub mod circle;
 pub mod trace;
