@@ -46,6 +46,8 @@ pub struct Protrusion {
     pub baseline: Baseline,
     /// Height above the fitted arc, um, whatever the baseline.
     pub height_over_arc_um: f64,
+    /// Radial deviation at the peak, about the nominal centre, um.
+    pub peak_deviation_um: f64,
     /// Deepest point below the baseline near the reversal, um; negative is inward.
     pub undershoot_um: f64,
     /// Angle of the peak, degrees counter-clockwise from +X.
@@ -147,6 +149,7 @@ fn measure_one(
         height_um: UM * excess_m[peak],
         baseline,
         height_over_arc_um: UM * over_arc_m[highest(&over_arc_m)?],
+        peak_deviation_um: UM * path.deviation_m[peak_row],
         undershoot_um: UM * excess_m.iter().copied().fold(f64::INFINITY, f64::min),
         angle_deg: path.angle_rad(peak_row).to_degrees(),
         width_ms: half.map(|[from, to]| 1e3 * (to.time_s - from.time_s)),
