@@ -1,0 +1,12 @@
+//! Analysis: logs in, numbers and files out. Nothing here runs while a machine moves.
+//!
+//! Order of the work: records become a [`trace`], the trace of a circular path is judged by
+//! [`circle`], [`draw`] makes the pictures and [`report`] puts numbers and pictures on one page.
+//!
+//! Invariant: pure functions of their input (the one exception writes the finished report); the same
+//! input gives the same bytes.
+
+pub mod circle;
+pub mod draw;
+pub mod report;
+pub mod trace;
