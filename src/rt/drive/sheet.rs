@@ -219,5 +219,6 @@ mod tests {
             })
             .collect();
         assert_eq!(sheet.firmware_config_hash(), crc32fast::hash(&listing));
+        assert!(SHEET.map(Object::address).is_sorted(), "the listing is in order of the addresses");
     }
 }
