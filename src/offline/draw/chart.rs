@@ -57,7 +57,7 @@ impl Chart {
     fn grid(&self, svg: &mut Svg, x: &Scale, y: &Scale) {
         let soft = |anchor| TextStyle { colour: SOFT_INK, ..text(11.0, anchor) };
         let ([left, right], [bottom, top]) = (x.places(), y.places());
-        let ticks = x.ticks(((right - left) / 55.0) as usize);
+        let ticks = x.ticks(((right - left) / 45.0) as usize);
         for value in &ticks.values {
             let place = x.place(*value);
             svg.line([place, top], [place, bottom], Stroke::solid(GRID, 0.7));
