@@ -13,4 +13,6 @@ pub mod log; //     records to MCAP and back: where online and offline meet
 pub mod offline; // logs in, numbers, pictures and pages out
 pub mod plant; //   friction, mechanics, actuator, encoder: the physics, written once
 pub mod rt; //      real time: bus, wire, drive, control, cycle
+#[cfg(feature = "service")]
+pub mod service; // the daemon around the cycle
 pub mod sim; //     the machine in memory //     the verbs of the tool

@@ -17,7 +17,7 @@ use crate::base::time::{Moment, Span};
 use crate::cli::VERSION;
 use crate::config::Machine;
 use crate::config::plan::CircleRequest;
-use crate::log::header::rfc3339;
+use crate::log::header::file_stamp;
 use crate::log::{Header, Pace, WriteOutcome, Writer};
 use crate::offline::trace::Trace;
 use crate::rt::cycle::pace::{Virtual, Wall, monotonic_now};
@@ -46,10 +46,9 @@ impl Start {
         Self { pace, monotonic: monotonic + LEAD, wall_ns: wall_ns + LEAD.as_ns() }
     }
 
-    /// As a part of a file name: `20261121T084500.123Z`.
+    /// As a part of a file name.
     pub(super) fn stamp(&self) -> String {
-        let text = rfc3339(self.wall_ns).replace(['-', ':'], "");
-        text.get(..19).map_or(text.clone(), |short| format!("{short}Z"))
+        file_stamp(self.wall_ns)
     }
 }
 

@@ -13,6 +13,7 @@ pub mod bucket;
 pub mod mode;
 pub mod pace;
 pub mod procedure;
+pub mod standby;
 mod verdict;
 
 use crate::base::axis::PerAxis;
