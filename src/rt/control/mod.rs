@@ -140,6 +140,12 @@ impl AxisLoop {
         self.gain_set = set;
     }
 
+    /// Time passes, with or without a cycle: the expected response goes on over skipped periods as the
+    /// axis does.
+    pub fn pass(&mut self, periods: u64) {
+        self.position.coast(self.settings.tick.as_s() * periods as f64);
+    }
+
     /// One tick. `is_position_tick` says whether the position loop acts in it.
     pub fn step(&mut self, setpoint: &Setpoint, sample: &Sample, is_position_tick: bool) -> Answer {
         let gains = self.settings.gain_sets[usize::from(self.gain_set)];
@@ -166,7 +172,6 @@ impl AxisLoop {
             friction: feed_forward.friction,
             inertia: feed_forward.inertia,
         };
-        self.position.coast(self.settings.tick.as_s());
         let limits = self
             .held_velocity
             .with(Acted::when(was_outside, Acted::TRAVEL))

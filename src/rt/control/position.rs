@@ -52,9 +52,9 @@ impl PositionLoop {
         self.expected_velocity = expected;
     }
 
-    /// A tick of the velocity loop: the expected response moves on.
-    pub fn coast(&mut self, tick_s: f64) {
-        self.expected_position += Position::m(self.expected_velocity.as_m_per_s() * tick_s);
+    /// The expected response moves on, for as long as its velocity is held.
+    pub fn coast(&mut self, time_s: f64) {
+        self.expected_position += Position::m(self.expected_velocity.as_m_per_s() * time_s);
     }
 
     /// Other gains from now on; what they would change at once fades away instead.

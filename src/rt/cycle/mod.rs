@@ -96,6 +96,7 @@ impl Cycle {
         let order = if is_position_tick { orders.next(&self.record) } else { None };
         let observed = self.drives.collect(bus, slot.number, now + self.settings.reply_window);
         let wish = self.take(order, now);
+        self.pass(slot);
         self.decide(wish, &observed, slot);
         self.profile.advance(now);
         self.control(&observed, is_position_tick);
@@ -111,6 +112,12 @@ impl Cycle {
             self.next_order_slot = (slot.number / every + 1) * every;
         }
         is_due
+    }
+
+    /// The periods since the last cycle are over, run or skipped.
+    fn pass(&mut self, slot: &Slot) {
+        let periods = slot.number.saturating_sub(self.record.cycle);
+        self.loops.as_mut_slice().iter_mut().for_each(|axis| axis.pass(periods));
     }
 
     /// Carry out what concerns the motion; return what concerns the modes.
