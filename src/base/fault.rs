@@ -109,11 +109,12 @@ impl Fault {
     /// How the axis comes to rest.
     pub const fn stop(self) -> StopCategory {
         match self {
-            Self::FollowingError | Self::Travel | Self::HeartbeatLost | Self::OtherAxis | Self::Overrun => {
-                StopCategory::Controlled
-            }
+            Self::Travel | Self::HeartbeatLost | Self::OtherAxis | Self::Overrun => StopCategory::Controlled,
+            // An axis that left its response has no control to ramp down with: behind a frozen encoder
+            // the loop would accelerate it for as long as the ramp takes.
             Self::FeedbackLost
             | Self::DriveFault
+            | Self::FollowingError
             | Self::Overspeed
             | Self::Overcurrent
             | Self::EnableTimeout
@@ -125,6 +126,11 @@ impl Fault {
             | Self::SendFailed
             | Self::StopTimeout => StopCategory::Immediate,
         }
+    }
+    /// Whether the position counted so far is not to be trusted after it. Such a fault is never cleared:
+    /// travel limits would stand at the wrong place until the host is started again.
+    pub const fn loses_reference(self) -> bool {
+        matches!(self, Self::BoardReset | Self::EncoderJump)
     }
 }
 

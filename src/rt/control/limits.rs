@@ -72,17 +72,27 @@ impl Limits {
         (held, within != wanted, held != within)
     }
 
+    /// Whether a fresh sample moved further than the axis can, with or without current.
+    pub fn is_jump(&self, sample: &Sample) -> bool {
+        sample.freshness == Freshness::Fresh && sample.velocity.abs() > self.velocity * JUMP_FACTOR
+    }
+
     /// What is wrong with a fresh sample of an enabled axis, the worst first. `expected` is where the
-    /// axis should be.
-    pub fn violation(&self, sample: &Sample, expected: Position) -> Option<Fault> {
+    /// axis should be, `reach` the travel with the place where it was enabled.
+    pub fn violation(
+        &self,
+        sample: &Sample,
+        expected: Position,
+        (low, high): (Position, Position),
+    ) -> Option<Fault> {
         if sample.freshness != Freshness::Fresh {
             return None;
         }
-        let outside =
-            (sample.position - self.travel_max).as_m().max((self.travel_min - sample.position).as_m());
-        if !(sample.position.is_finite() && sample.velocity.is_finite() && sample.current.is_finite()) {
+        let outside = (sample.position - high).as_m().max((low - sample.position).as_m());
+        let values = [sample.position.as_m(), sample.velocity.as_m_per_s(), sample.current.as_a()];
+        if !(values.into_iter().all(f64::is_finite) && expected.is_finite()) {
             Some(Fault::NotANumber)
-        } else if sample.velocity.abs() > self.velocity * JUMP_FACTOR {
+        } else if self.is_jump(sample) {
             Some(Fault::EncoderJump)
         } else if sample.velocity.abs() > self.velocity * FAULT_FACTOR {
             Some(Fault::Overspeed)
@@ -131,7 +141,7 @@ mod tests {
     #[test]
     fn each_violation_has_its_fault() {
         let expected = Position::mm(50.0);
-        let judge = |sample: &Sample| LIMITS.violation(sample, expected);
+        let judge = |sample: &Sample| LIMITS.violation(sample, expected, LIMITS.reach_from(Position::ZERO));
         assert_eq!(judge(&sample(50.9, 239.0, -23.9)), None);
         assert_eq!(judge(&sample(51.1, 0.0, 0.0)), Some(Fault::FollowingError));
         assert_eq!(judge(&sample(48.9, 0.0, 0.0)), Some(Fault::FollowingError));
@@ -141,6 +151,9 @@ mod tests {
         assert_eq!(judge(&sample(50.0, 1001.0, 0.0)), Some(Fault::EncoderJump));
         assert_eq!(judge(&sample(50.0, 0.0, 24.1)), Some(Fault::Overcurrent));
         assert_eq!(judge(&sample(50.0, f64::NAN, 0.0)), Some(Fault::NotANumber));
+        let lost =
+            LIMITS.violation(&sample(0.0, 0.0, 0.0), Position::m(f64::NAN), LIMITS.reach_from(expected));
+        assert_eq!(lost, Some(Fault::NotANumber), "no distance can be told to nowhere");
         let stale = Sample { freshness: Freshness::Stale, ..sample(102.1, 0.0, 0.0) };
         assert_eq!(judge(&stale), None, "old data are judged by their age");
     }
@@ -152,6 +165,11 @@ mod tests {
         assert_eq!(hold(101.5), (Setpoint::at_rest(Position::mm(101.5)), false));
         assert_eq!(hold(101.6), (Setpoint::at_rest(Position::mm(101.5)), true));
         assert_eq!(hold(-100.1), (Setpoint::at_rest(Position::mm(-100.0)), true));
+        let judge = |mm: f64| {
+            LIMITS.violation(&sample(mm, 0.0, 0.0), Position::mm(mm), LIMITS.reach_from(Position::mm(105.0)))
+        };
+        assert_eq!((judge(105.0), judge(106.9)), (None, None), "it may stand where it was enabled");
+        assert_eq!((judge(107.1), judge(-102.1)), (Some(Fault::Travel), Some(Fault::Travel)));
     }
 
     #[test]

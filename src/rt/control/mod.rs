@@ -17,6 +17,7 @@ pub mod profile;
 pub mod velocity_pi;
 
 use crate::base::command::{Limits as Acted, Terms};
+use crate::base::fault::Fault;
 use crate::base::sample::Sample;
 use crate::base::setpoint::Setpoint;
 use crate::base::time::Span;
@@ -67,6 +68,9 @@ pub struct Answer {
     pub terms: Terms,
     /// Which limits acted.
     pub limits: Acted,
+    /// The loops came to something that is not a number; the current is zero instead, and the terms tell
+    /// where it came from.
+    pub is_not_a_number: bool,
 }
 
 /// The loops of one axis.
@@ -114,17 +118,23 @@ impl AxisLoop {
         &self.settings.limits
     }
 
+    /// What is wrong with a fresh sample of an axis that these loops move, the worst first.
+    pub fn violation(&self, sample: &Sample) -> Option<Fault> {
+        self.settings.limits.violation(sample, self.position.expected_position(), self.reach)
+    }
+
     /// Where the axis should be by now, whatever disturbs it.
     pub fn expected(&self) -> &PositionLoop {
         &self.position
     }
 
-    /// The axis has no current: stand where it stands, so that enabling moves nothing.
+    /// The axis has no current: stand where it stands and move as it moves, so that enabling neither
+    /// moves an axis at rest nor jerks one that is still coasting.
     pub fn follow(&mut self, sample: &Sample) {
         self.position.reset(sample.position);
         self.velocity.reset();
         self.reach = self.settings.limits.reach_from(sample.position);
-        self.velocity_command = Velocity::ZERO;
+        self.velocity_command = sample.velocity.clamp_abs(self.settings.limits.velocity);
         self.velocity_error_rad_per_s = 0.0;
         self.held_velocity = Acted::NONE;
     }
@@ -135,8 +145,13 @@ impl AxisLoop {
             return;
         }
         let [from, to] = [self.gain_set, set].map(|n| self.settings.gain_sets[usize::from(n)]);
-        self.position.swap(&from.position, &to.position, setpoint, sample.position);
-        self.velocity.swap(&to.velocity, self.settings.tick, self.velocity_error_rad_per_s);
+        let (setpoint, _) = Limits::hold_setpoint(self.reach, setpoint);
+        self.position.swap(&from.position, &to.position, &setpoint, sample.position);
+        let [fed_before, fed] = [from, to].map(|gains| {
+            let fed = self.model.feed_forward(&gains.compensation, &self.position);
+            fed.friction + fed.inertia
+        });
+        self.velocity.swap(&to.velocity, self.settings.tick, self.velocity_error_rad_per_s, fed - fed_before);
         self.gain_set = set;
     }
 
@@ -160,7 +175,9 @@ impl AxisLoop {
         let fed = feed_forward.friction + feed_forward.inertia;
         let parts = self.velocity.step(self.velocity_error_rad_per_s, fed, self.torque_bound);
         let wanted = self.settings.axis.actuator.current(parts.proportional + parts.integral + fed);
-        let current = wanted.clamp_abs(self.settings.limits.current);
+        let held = wanted.clamp_abs(self.settings.limits.current);
+        let is_not_a_number = !held.is_finite();
+        let current = if is_not_a_number { Current::ZERO } else { held };
 
         let terms = Terms {
             following_error: setpoint.position - sample.position,
@@ -175,8 +192,8 @@ impl AxisLoop {
         let limits = self
             .held_velocity
             .with(Acted::when(was_outside, Acted::TRAVEL))
-            .with(Acted::when(current != wanted, Acted::CURRENT));
-        Answer { current, terms, limits }
+            .with(Acted::when(held != wanted && !is_not_a_number, Acted::CURRENT));
+        Answer { current, terms, limits, is_not_a_number }
     }
 
     fn position_tick(&mut self, gains: &position::Gains, setpoint: &Setpoint, sample: &Sample) {

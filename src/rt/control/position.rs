@@ -23,8 +23,9 @@ pub struct Gains {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct PositionLoop {
     command: Velocity,
-    /// What a swap of gains left over, fading with `K_p`.
+    /// What swaps of gains left over, in the command and in the expected response, fading with `K_p`.
     bump: Velocity,
+    expected_bump: Velocity,
     expected_position: Position,
     expected_velocity: Velocity,
     expected_acceleration: Acceleration,
@@ -44,9 +45,11 @@ impl PositionLoop {
                 gains.gain_per_s * ahead_m + gains.velocity_feed_forward * setpoint.velocity.as_m_per_s(),
             )
         };
-        self.bump = self.bump * (1.0 - gains.gain_per_s * since_s).max(0.0);
+        let fade = (1.0 - gains.gain_per_s * since_s).max(0.0);
+        self.bump = self.bump * fade;
+        self.expected_bump = self.expected_bump * fade;
         self.command = wanted(position) + self.bump;
-        let expected = wanted(self.expected_position) + self.bump;
+        let expected = wanted(self.expected_position) + self.expected_bump;
         let change = expected - self.expected_velocity;
         self.expected_acceleration = Acceleration::m_per_s2(change.as_m_per_s() / since_s);
         self.expected_velocity = expected;
@@ -59,13 +62,16 @@ impl PositionLoop {
 
     /// Other gains from now on; what they would change at once fades away instead.
     pub fn swap(&mut self, from: &Gains, to: &Gains, setpoint: &Setpoint, position: Position) {
-        let ahead_m = (setpoint.position - position).as_m();
         let feed_forward = from.velocity_feed_forward - to.velocity_feed_forward;
-        self.bump += Velocity::m_per_s(
-            (from.gain_per_s - to.gain_per_s) * ahead_m + feed_forward * setpoint.velocity.as_m_per_s(),
-        );
-        // Both responses carry the same bump, so the distance between them stays what it was.
-        self.expected_position = position;
+        let missing = |place: Position| {
+            let ahead_m = (setpoint.position - place).as_m();
+            Velocity::m_per_s(
+                (from.gain_per_s - to.gain_per_s) * ahead_m + feed_forward * setpoint.velocity.as_m_per_s(),
+            )
+        };
+        // Each response keeps its own velocity, so a following error is neither made nor forgiven.
+        self.bump += missing(position);
+        self.expected_bump += missing(self.expected_position);
     }
 
     /// The velocity asked for.
@@ -133,5 +139,19 @@ mod tests {
         }
         let rest = (loop_.command() - Velocity::mm_per_s(3.9 * 30.0 + 0.5 * 30.0)).as_mm_per_s();
         assert!(rest.abs() < 1e-6, "{rest} mm/s left of the bump");
+    }
+
+    #[test]
+    fn a_swap_forgives_no_following_error() {
+        let mut loop_ = PositionLoop::default();
+        loop_.update(&GAINS, &running(0.0039), Position::um(-800.0), 2e-3);
+        let (place, speed) = (loop_.expected_position(), loop_.expected_velocity());
+        let stiff = Gains { gain_per_s: 30.0, velocity_feed_forward: 0.5 };
+        loop_.swap(&GAINS, &stiff, &running(0.0039), Position::um(-800.0));
+        assert_eq!(loop_.expected_position(), place);
+        loop_.update(&stiff, &running(0.0039), Position::um(-800.0), 2e-3);
+        let step = (loop_.expected_velocity() - speed).as_mm_per_s();
+        let bump = 3.9 * (30.0 - 8.55) + 0.5 * 30.0;
+        assert!(step.abs() < 0.07 * bump, "the expected velocity stepped by {step} mm/s of {bump} mm/s");
     }
 }

@@ -156,6 +156,17 @@ impl Pace {
         self.rise_s * if self.is_brake { 1.0 } else { 2.0 } + self.steady_s
     }
 
+    /// Where along the path it comes to rest, m.
+    fn end_m(&self) -> f64 {
+        self.at(self.duration_s()).way_m
+    }
+
+    /// Whether it comes to rest at all: a feed or an acceleration may be zero, endless or no number.
+    fn ends(&self) -> bool {
+        let duration_s = self.duration_s();
+        duration_s.is_finite() && self.rise_s >= 0.0 && self.steady_s >= 0.0
+    }
+
     fn at(&self, time_s: f64) -> Progress {
         let feed = self.feed_m_per_s;
         let fall_from_s = if self.is_brake { 0.0 } else { self.rise_s + self.steady_s };
@@ -240,17 +251,23 @@ impl Profile {
         self.setpoints[axis] = Setpoint::at_rest(position);
     }
 
-    /// Start a straight move from where the setpoints are.
-    pub fn start_line(&mut self, line: &LineMotion, now: Moment) {
+    /// Start a straight move from where the setpoints are. Refused (false) where it would never end.
+    pub fn start_line(&mut self, line: &LineMotion, now: Moment) -> bool {
         let from = self.setpoints.map(|_, setpoint| setpoint.position);
         let way = from.map(|axis, position| (line.target[axis] - *position).as_m());
         let way_m = way.as_slice().iter().map(|part| part * part).sum::<f64>().sqrt();
         let direction = way.map(|_, part| if way_m > 0.0 { part / way_m } else { 0.0 });
         let pace = Pace::over(way_m, line.feed.as_m_per_s(), line.acceleration);
-        self.run = Some(Run { path: Path::Line { from, direction }, pace, since: now });
+        let is_driven = line.feed > Velocity::ZERO && line.acceleration > Acceleration::ZERO;
+        let is_possible = is_driven && way_m.is_finite() && pace.ends();
+        if is_possible {
+            self.run = Some(Run { path: Path::Line { from, direction }, pace, since: now });
+        }
+        is_possible
     }
 
-    /// Start a circle. Refused (false) unless the setpoints stand at its start: the axis never jumps.
+    /// Start a circle. Refused (false) unless the setpoints stand at its start, for the axis never jumps,
+    /// and where it would never end.
     pub fn start_circle(&mut self, motion: &CircleMotion, now: Moment) -> bool {
         let (x, y) = motion.start();
         let nearby = |axis: AxisId, place: Position| {
@@ -261,18 +278,30 @@ impl Profile {
         }
         let steady_s = motion.run_in_s + motion.circle.duration_s() + motion.run_out_s;
         let pace = Pace::new(motion.circle.feed.as_m_per_s(), motion.acceleration, steady_s);
+        if !(motion.radius_m() > 0.0 && motion.circle.feed > Velocity::ZERO && pace.ends()) {
+            return false;
+        }
         self.run = Some(Run { path: Path::Circle(*motion), pace, since: now });
         true
     }
 
-    /// Brake along the path, from the speed it has now. A brake under way goes on.
+    /// Leave the path where the setpoints are: nobody follows it any more.
+    pub fn abandon(&mut self) {
+        self.run = None;
+    }
+
+    /// Brake along the path, from the speed it has now. A brake under way goes on, and so does a motion
+    /// that comes to rest before the brake would.
     pub fn stop(&mut self, acceleration: Acceleration, now: Moment) {
         if let Some(run) = &mut self.run
             && !run.pace.is_brake
         {
             let progress = run.pace.at((now - run.since).as_s());
-            run.pace = Pace::brake(progress, acceleration);
-            run.since = now;
+            let brake = Pace::brake(progress, acceleration);
+            if brake.end_m() <= run.pace.end_m() {
+                run.pace = brake;
+                run.since = now;
+            }
         }
     }
 
@@ -473,6 +502,60 @@ mod tests {
                 braked_s <= expected_s + 2.0 * TICK.as_s(),
                 "braking took {braked_s} s of {expected_s} s"
             );
+        }
+    }
+
+    #[test]
+    fn a_motion_that_would_never_end_is_refused() {
+        let good = LineMotion {
+            target: PerAxis::filled(2, Position::mm(10.0)),
+            feed: Velocity::m_per_s(0.1),
+            acceleration: Acceleration::m_per_s2(1.0),
+        };
+        let bad = [f64::NAN, f64::INFINITY].map(Position::m).map(|place| PerAxis::filled(2, place));
+        let speeds = [f64::NAN, f64::INFINITY, -0.1, 0.0].map(Velocity::m_per_s);
+        let rises = [f64::NAN, -1.0, 0.0].map(Acceleration::m_per_s2);
+        let lines = bad
+            .map(|target| LineMotion { target, ..good })
+            .into_iter()
+            .chain(
+                speeds
+                    .into_iter()
+                    .filter(|feed| !(feed.as_m_per_s() > 1.0))
+                    .map(|feed| LineMotion { feed, ..good }),
+            )
+            .chain(rises.map(|acceleration| LineMotion { acceleration, ..good }));
+        for line in lines {
+            let mut profile = Profile::new(2);
+            assert!(!profile.start_line(&line, Moment::ZERO) && !profile.is_running(), "{line:?}");
+        }
+        for (radius_mm, feed, run_in_s) in
+            [(f64::NAN, 0.1, 0.2), (20.0, -0.1, 0.2), (20.0, 0.1, f64::NAN), (20.0, 0.1, f64::INFINITY)]
+        {
+            let mut motion = circle();
+            motion.circle.radius = Position::mm(radius_mm);
+            motion.circle.feed = Velocity::m_per_s(feed);
+            motion.run_in_s = run_in_s;
+            let mut profile = at_start(&motion);
+            assert!(!profile.start_circle(&motion, Moment::ZERO), "{motion:?}");
+        }
+    }
+
+    #[test]
+    fn a_stop_never_leads_past_the_end_of_the_motion() {
+        let target = PerAxis::filled(2, Position::mm(100.0));
+        let line =
+            LineMotion { target, feed: Velocity::m_per_s(0.2), acceleration: Acceleration::m_per_s2(1.0) };
+        for stop_tick in (1..1600).step_by(50) {
+            let mut profile = Profile::new(2);
+            assert!(profile.start_line(&line, Moment::ZERO));
+            let trail = trail(profile, Acceleration::m_per_s2(1.0), |tick, profile| {
+                if tick == stop_tick {
+                    profile.stop(Acceleration::m_per_s2(0.5), Moment::ZERO + TICK * (tick - 1));
+                }
+            });
+            let furthest_mm = trail.iter().map(|at| at[AxisId::X].position.as_mm()).fold(0.0, f64::max);
+            assert!(furthest_mm < 100.0 + 1e-9, "stopped at tick {stop_tick}: {furthest_mm} mm of 100 mm");
         }
     }
 }

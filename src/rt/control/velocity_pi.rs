@@ -99,11 +99,12 @@ impl VelocityLoop {
         parts
     }
 
-    /// Other gains from the next tick on, with the same torque at the same error.
-    pub fn swap(&mut self, gains: &Gains, tick: Span, error_rad_per_s: f64) {
+    /// Other gains from the next tick on, with the same torque at the same error. `fed_more` is what the
+    /// feed-forwards give more than before; the integral gives it up.
+    pub fn swap(&mut self, gains: &Gains, tick: Span, error_rad_per_s: f64, fed_more: Torque) {
         let before_nm = self.proportional_nm_s_per_rad * error_rad_per_s + self.integral_nm;
         *self = Self::new(gains, tick);
-        self.integral_nm = before_nm - self.proportional_nm_s_per_rad * error_rad_per_s;
+        self.integral_nm = before_nm - self.proportional_nm_s_per_rad * error_rad_per_s - fed_more.as_nm();
     }
 
     /// Forget everything: the axis has no current.
@@ -171,8 +172,9 @@ mod tests {
         }
         let before_nm = loop_.proportional_nm_s_per_rad * 2.0 + loop_.integral_nm;
         let slow = integrator(3.0, 0.0);
-        loop_.swap(&slow, TICK, 2.0);
-        let after = loop_.step(2.0, Torque::ZERO, UNBOUND);
-        assert!(((after.proportional + after.integral).as_nm() - before_nm).abs() < 1e-12);
+        loop_.swap(&slow, TICK, 2.0, Torque::nm(0.7));
+        let after = loop_.step(2.0, Torque::nm(0.7), UNBOUND);
+        let after_nm = (after.proportional + after.integral).as_nm() + 0.7;
+        assert!((after_nm - before_nm).abs() < 1e-12, "{before_nm} N m became {after_nm} N m");
     }
 }

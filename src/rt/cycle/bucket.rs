@@ -14,21 +14,25 @@ pub struct BucketLimit {
 /// Misses collected so far.
 #[derive(Clone, Copy, Debug)]
 pub struct Bucket {
-    limit: BucketLimit,
+    full: u64,
+    drain_cycles: u64,
     level: u64,
 }
 
 impl Bucket {
     /// An empty bucket.
     pub const fn new(limit: BucketLimit) -> Self {
-        Self { limit, level: 0 }
+        let drain_cycles = limit.drain_cycles as u64;
+        Self { full: limit.misses_max as u64 * drain_cycles, drain_cycles, level: 0 }
     }
 
     /// One cycle with so many misses; whether the bucket runs over.
     pub fn cycle(&mut self, misses: u64) -> bool {
         // The level counts drained cycles, so that no division is needed.
-        self.level = self.level.saturating_sub(1) + misses * u64::from(self.limit.drain_cycles);
-        self.level > u64::from(self.limit.misses_max) * u64::from(self.limit.drain_cycles)
+        let poured = self.level.saturating_sub(1).saturating_add(misses.saturating_mul(self.drain_cycles));
+        // What runs over is gone: however long the pause was, one miss' time later the axis may go on.
+        self.level = poured.min(self.full + self.drain_cycles);
+        poured > self.full
     }
 }
 
@@ -46,5 +50,13 @@ mod tests {
         let mut bucket = Bucket::new(limit);
         assert!(!bucket.cycle(3));
         assert!(bucket.cycle(1));
+    }
+
+    #[test]
+    fn after_a_long_pause_the_bucket_drains_in_the_time_of_one_miss() {
+        let mut bucket = Bucket::new(BucketLimit { misses_max: 3, drain_cycles: 100 });
+        assert!(bucket.cycle(1_000_000_000));
+        let over = (0..1_000).filter(|_| bucket.cycle(0)).count();
+        assert_eq!(over, 99, "cycles over the brim after the pause");
     }
 }

@@ -131,8 +131,9 @@ impl Cycle {
             Some(Order::ClearFaults) => return Wish::ClearFault,
             Some(Order::UseGains(set)) => self.use_gains(set),
             Some(Order::Line(line)) if all_ready => {
-                self.profile.start_line(&line, now);
-                self.record.stage.motion += 1;
+                if self.profile.start_line(&line, now) {
+                    self.record.stage.motion += 1;
+                }
             }
             Some(Order::Circle(circle)) if all_ready => {
                 if self.profile.start_circle(&circle, now) {
@@ -162,26 +163,29 @@ impl Cycle {
             let observation = &observed[axis];
             let limits = self.loops[axis].limits();
             let expected = self.loops[axis].expected();
-            let own =
-                verdict::of_link(observation, *mode, self.is_send_refused, &self.settings).or_else(|| {
-                    let is_energised = mode.is_energised();
-                    is_energised
-                        .then(|| limits.violation(&observation.sample, expected.expected_position()))?
-                });
+            let own = verdict::of_link(observation, *mode, self.is_send_refused, &self.settings)
+                .or_else(|| verdict::of_axis(observation, *mode, &self.loops[axis], &self.answers[axis]));
             let shared = is_overrun.then_some(Fault::Overrun).or(any_fault.then_some(Fault::OtherAxis));
             let sight = Sight {
                 now,
                 wish,
                 fault: own.or(shared.filter(|_| mode.wants_drive())),
-                drive_is_enabled: observation.drive == Some(state::DriveState::OperationEnabled),
+                drive_is_enabled: observation.sample.freshness == Freshness::Fresh
+                    && observation.drive == Some(state::DriveState::OperationEnabled),
                 motion_is_running: self.profile.is_running(),
-                is_standing: limits.is_standing(observation.sample.velocity)
+                // A stale velocity says nothing about now.
+                is_standing: observation.sample.freshness == Freshness::Fresh
+                    && limits.is_standing(observation.sample.velocity)
                     && limits.is_standing(expected.expected_velocity()),
             };
             *mode = mode.next(&sight, &self.settings.patience);
         }
         if self.modes.as_slice().iter().any(|mode| !matches!(mode, Mode::Ready | Mode::Moving)) {
             self.profile.stop(self.settings.stop_acceleration, now);
+        }
+        if !self.modes.as_slice().iter().any(|mode| mode.is_energised()) {
+            // Nobody is on the path any more; an axis that is enabled again starts from where it stands.
+            self.profile.abandon();
         }
     }
 

@@ -16,6 +16,8 @@
 //!                        └─────────┘ ◄─── fault to cut off: from Ready, Moving, Stopping
 //! ```
 //!
+//! A fault that loses the reference of the encoder leads from every state, also from Off, to a Faulted
+//! that is never cleared.
 //! Invariant: `next` is pure and total; what a state needs lives in it; a fault never leads to a state
 //! in which the axis still moves without an end.
 
@@ -107,6 +109,9 @@ impl Mode {
     /// The state of the next cycle.
     #[must_use]
     pub fn next(self, sight: &Sight, patience: &Patience) -> Self {
+        if let Some(fault) = sight.fault.filter(|fault| fault.loses_reference()) {
+            return self.without_reference(fault);
+        }
         match self {
             Self::Off => match (sight.wish, sight.fault) {
                 (Wish::Enable, None) => Self::Enabling { since: sight.now },
@@ -129,11 +134,25 @@ impl Mode {
                 }
             },
             Self::Stopping { since, then } => self.stopping(since, then, sight, patience),
+            Self::Faulted { by } if by.loses_reference() => self,
             Self::Faulted { .. } => match (sight.wish, sight.fault) {
                 // The drive's own fault is reset on the way through Off.
                 (Wish::ClearFault, None | Some(Fault::DriveFault | Fault::BoardWatchdog)) => Self::Off,
                 (Wish::ClearFault | Wish::Nothing | Wish::Enable | Wish::Disable | Wish::Stop, _) => self,
             },
+        }
+    }
+
+    /// Whatever it did, the axis does not know where it is any more.
+    fn without_reference(self, fault: Fault) -> Self {
+        match self {
+            Self::Faulted { by } if by.loses_reference() => self,
+            Self::Off
+            | Self::Enabling { .. }
+            | Self::Ready
+            | Self::Moving
+            | Self::Stopping { .. }
+            | Self::Faulted { .. } => Self::Faulted { by: fault },
         }
     }
 
@@ -283,8 +302,21 @@ mod tests {
 
     #[test]
     fn a_worse_fault_while_stopping_cuts_the_current_and_the_first_keeps_its_name() {
-        let stopping = Mode::Stopping { since: Moment::ZERO, then: Rest::Faulted(Fault::FollowingError) };
+        let stopping = Mode::Stopping { since: Moment::ZERO, then: Rest::Faulted(Fault::Travel) };
         let worse = Sight { fault: Some(Fault::Overspeed), is_standing: false, ..CALM };
-        assert_eq!(stopping.next(&worse, &PATIENCE), Mode::Faulted { by: Fault::FollowingError });
+        assert_eq!(stopping.next(&worse, &PATIENCE), Mode::Faulted { by: Fault::Travel });
+    }
+
+    #[test]
+    fn a_lost_reference_is_noticed_in_every_state_and_never_cleared() {
+        let stopping = Mode::Stopping { since: Moment::ZERO, then: Rest::Faulted(Fault::Travel) };
+        for mode in [Mode::Off, Mode::Ready, stopping, Mode::Faulted { by: Fault::DriveFault }] {
+            let mut mode = mode.next(&Sight { fault: Some(Fault::BoardReset), ..CALM }, &PATIENCE);
+            assert_eq!(mode, Mode::Faulted { by: Fault::BoardReset });
+            for wish in [Wish::ClearFault, Wish::Enable, Wish::Disable] {
+                mode = mode.next(&Sight { wish, ..CALM }, &PATIENCE);
+            }
+            assert_eq!(mode, Mode::Faulted { by: Fault::BoardReset }, "the count is wrong until a restart");
+        }
     }
 }

@@ -147,6 +147,11 @@ impl Orders for CircleProcedure {
             }
             Step::Stop => (Order::Stop, Step::Disable),
             Step::Disable if is_ready => (Order::Disable, Step::Done),
+            // Stopped before anything had current: there is nothing to disable.
+            Step::Disable if Self::is_everywhere(last, ModeTag::Off) => {
+                self.step = Step::Done;
+                return None;
+            }
             Step::Enable
             | Step::UseGains
             | Step::Position { .. }
@@ -161,5 +166,21 @@ impl Orders for CircleProcedure {
     fn is_done(&self, last: &CycleRecord) -> bool {
         let is_at_rest = |mode: ModeTag| matches!(mode, ModeTag::Off | ModeTag::Faulted);
         self.step == Step::Done && last.axes.as_slice().iter().all(|axis| is_at_rest(axis.mode))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_stop_before_the_axes_have_current_ends_the_test() {
+        let test = CircleTest { gain_set: 0, circles: [None; 2], positioning_feed: Velocity::mm_per_s(10.0) };
+        let mut procedure = CircleProcedure::new(test, Arc::new(AtomicBool::new(true)));
+        let off = CycleRecord::empty(2);
+        assert_eq!(procedure.next(&off), Some(Order::Stop));
+        assert_eq!(procedure.next(&off), None);
+        assert!(procedure.is_done(&off), "it waits for axes that nobody will enable");
+        assert_eq!(procedure.ending(), Ending::Interrupted);
     }
 }

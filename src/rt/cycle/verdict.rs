@@ -6,6 +6,7 @@ use super::Settings;
 use super::mode::Mode;
 use crate::base::fault::Fault;
 use crate::base::sample::Freshness;
+use crate::rt::control::{Answer, AxisLoop};
 use crate::rt::drive::Observation;
 use crate::rt::drive::state::DriveState;
 use crate::rt::wire::feedback::BoardFlags;
@@ -25,13 +26,13 @@ pub(super) fn of_link(
         Some(Fault::BoardReset)
     } else if flags.contains(BoardFlags::WATCHDOG_TRIPPED) {
         Some(Fault::BoardWatchdog)
+    } else if flags.contains(BoardFlags::ENCODER_ERROR) {
+        Some(Fault::EncoderJump)
     } else if drive_is_in(&[DriveState::Fault, DriveState::FaultReactionActive]) || events.emergency.is_some()
     {
         Some(Fault::DriveFault)
     } else if sample.freshness == Freshness::Never || sample.age_cycles > settings.stale_cycles_max {
         Some(Fault::FeedbackLost)
-    } else if flags.contains(BoardFlags::ENCODER_ERROR) {
-        Some(Fault::EncoderJump)
     } else if events.is_sync_refused || is_send_refused {
         Some(Fault::SendFailed)
     } else if was_enabled && !drive_is_in(&[DriveState::OperationEnabled]) {
@@ -40,6 +41,22 @@ pub(super) fn of_link(
         Some(Fault::HeartbeatLost)
     } else {
         None
+    }
+}
+
+/// What is wrong with an axis as such. A jump of the position counts with or without current, because
+/// the position stays wrong; all else concerns only an axis that is moved.
+pub(super) fn of_axis(
+    observation: &Observation,
+    mode: Mode,
+    axis_loop: &AxisLoop,
+    answer: &Answer,
+) -> Option<Fault> {
+    if mode.is_energised() {
+        let broken = answer.is_not_a_number.then_some(Fault::NotANumber);
+        broken.or_else(|| axis_loop.violation(&observation.sample))
+    } else {
+        axis_loop.limits().is_jump(&observation.sample).then_some(Fault::EncoderJump)
     }
 }
 

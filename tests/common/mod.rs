@@ -1,0 +1,266 @@
+//! Shared by the closed-loop tests: machines made from the embedded files, a rig that steps the shipped
+//! cycle over a simulated rack period by period, and a line between them that can be made to misbehave.
+#![allow(dead_code, reason = "each test file uses the part it needs")]
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use quadrant::base::axis::{AxisId, PerAxis};
+use quadrant::base::motion::{Circle, Direction};
+use quadrant::base::record::{AxisRecord, CycleRecord, ModeTag, Timing};
+use quadrant::base::time::Moment;
+use quadrant::base::units::{Acceleration, Position, Velocity};
+use quadrant::config::{self, Machine};
+use quadrant::rt::bus::{Bus, Frame, Received, SendError};
+use quadrant::rt::control::profile::{CircleMotion, LineMotion};
+use quadrant::rt::cycle::pace::{Slot, Virtual};
+use quadrant::rt::cycle::procedure::{CircleProcedure, CircleTest, Ending};
+use quadrant::rt::cycle::{Cycle, conduct};
+use quadrant::rt::door::{Order, Orders, Records};
+use quadrant::sim::closed_loop::Wired;
+use quadrant::sim::rack::Rack;
+
+pub(crate) const X: AxisId = AxisId::X;
+pub(crate) const Y: AxisId = AxisId::Y;
+
+/// An embedded machine with lines of its text replaced; every replacement must find something.
+pub(crate) fn machine_with(name: &str, edits: &[(&str, &str)]) -> Machine {
+    let embedded = config::EMBEDDED.into_iter().find(|(other, _)| *other == name);
+    let (_, text) = embedded.expect("an embedded machine");
+    let mut text = text.to_owned();
+    for (from, to) in edits {
+        assert!(text.contains(from), "the {name} machine has no line '{from}'");
+        text = text.replace(from, to);
+    }
+    config::from_text(name, &text).unwrap_or_else(|problems| panic!("{}", problems.render(false)))
+}
+
+pub(crate) fn machine(name: &str) -> Machine {
+    machine_with(name, &[])
+}
+
+/// The reference machine with a third axis like the second, on a bus fast enough for it.
+pub(crate) fn three_axes() -> Machine {
+    let (_, text) = config::EMBEDDED[0];
+    let (head, y) = text
+        .split_once("# ------------------------------------------------------------------ axis y")
+        .expect("axis y");
+    let z = y.replace("axis.y", "axis.z").replace("node = 2", "node = 3");
+    let text =
+        format!("{head}{y}{z}").replace("data-bit-rate-kbit-per-s = 5000", "data-bit-rate-kbit-per-s = 8000");
+    config::from_text("three axes", &text).unwrap_or_else(|problems| panic!("{}", problems.render(false)))
+}
+
+/// The circle of PHYSICS 3.2: 150 mm around zero, from 45 degrees.
+pub(crate) fn circle(feed_mm_per_min: f64, direction: Direction) -> CircleMotion {
+    CircleMotion {
+        circle: Circle {
+            centre_x: Position::ZERO,
+            centre_y: Position::ZERO,
+            radius: Position::mm(150.0),
+            feed: Velocity::mm_per_min(feed_mm_per_min),
+            direction,
+            start_angle_rad: std::f64::consts::FRAC_PI_4,
+            revolutions: 1,
+        },
+        run_in_s: 1.5,
+        run_out_s: 0.3,
+        acceleration: Acceleration::m_per_s2(0.5),
+    }
+}
+
+/// Keeps every record.
+#[derive(Debug, Default)]
+pub(crate) struct Kept(pub(crate) Vec<CycleRecord>);
+
+impl Records for Kept {
+    fn put(&mut self, record: &CycleRecord) {
+        self.0.push(*record);
+    }
+    fn lost(&self) -> u64 {
+        0
+    }
+}
+
+/// A whole circular test by the shipped procedure, in virtual time.
+pub(crate) fn run_circles(
+    machine: &Machine,
+    gains: &str,
+    circles: &[CircleMotion],
+    seed: u64,
+) -> Vec<CycleRecord> {
+    run_circles_on(machine.rack(seed), machine, gains, circles)
+}
+
+/// The same on a given rack.
+pub(crate) fn run_circles_on(
+    rack: Rack,
+    machine: &Machine,
+    gains: &str,
+    circles: &[CircleMotion],
+) -> Vec<CycleRecord> {
+    let mut bus = Wired::new(rack);
+    let drives =
+        bus.commission(machine.drives().expect("each axis has its board")).expect("boards like their sheets");
+    let mut cycle = Cycle::new(machine.cycle_settings(), drives, &machine.control_settings());
+    let test = CircleTest {
+        gain_set: machine.gain_set(gains).expect("a gain set of the machine"),
+        circles: std::array::from_fn(|index| circles.get(index).copied()),
+        positioning_feed: machine.motion.positioning_feed,
+    };
+    let mut procedure = CircleProcedure::new(test, Arc::new(AtomicBool::new(false)));
+    let mut kept = Kept::default();
+    conduct(&mut cycle, &mut bus, &mut Virtual::new(machine.cycle.period), &mut procedure, &mut kept);
+    assert_eq!(procedure.ending(), Ending::Complete);
+    kept.0
+}
+
+/// What becomes of a frame on its way.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Fate {
+    Pass,
+    Lost,
+    Refused,
+}
+
+type Hook = Box<dyn FnMut(&mut Frame) -> Fate>;
+
+/// The bus between host and rack, with somebody sitting on it.
+pub(crate) struct Line {
+    pub(crate) wired: Wired,
+    /// Sees each frame of the host and may change it.
+    pub(crate) outgoing: Hook,
+    /// Sees each frame of the boards and may change it.
+    pub(crate) incoming: Hook,
+}
+
+impl Bus for Line {
+    fn send(&mut self, frame: &Frame) -> Result<(), SendError> {
+        let mut frame = *frame;
+        match (self.outgoing)(&mut frame) {
+            Fate::Pass => self.wired.send(&frame),
+            Fate::Lost => Ok(()),
+            Fate::Refused => Err(SendError::Full),
+        }
+    }
+    fn receive(&mut self, until: Moment) -> Option<Received> {
+        loop {
+            let mut received = self.wired.receive(until)?;
+            if (self.incoming)(&mut received.frame) == Fate::Pass {
+                return Some(received);
+            }
+        }
+    }
+}
+
+/// Orders in the sequence in which they were given.
+#[derive(Debug, Default)]
+struct Queue(VecDeque<Order>);
+
+impl Orders for Queue {
+    fn next(&mut self, _last: &CycleRecord) -> Option<Order> {
+        self.0.pop_front()
+    }
+    fn is_done(&self, _last: &CycleRecord) -> bool {
+        false
+    }
+}
+
+/// The shipped cycle over a rack, one period at a time.
+pub(crate) struct Rig {
+    pub(crate) machine: Machine,
+    pub(crate) line: Line,
+    cycle: Cycle,
+    queue: Queue,
+    next: u64,
+    overruns: u64,
+    pub(crate) last: CycleRecord,
+}
+
+impl Rig {
+    pub(crate) fn new(machine: Machine, seed: u64) -> Self {
+        let control = machine.control_settings();
+        Self::with_control(machine, &control, seed)
+    }
+
+    /// With control settings that are not those of the machine.
+    pub(crate) fn with_control(
+        machine: Machine,
+        control: &PerAxis<quadrant::rt::control::Settings>,
+        seed: u64,
+    ) -> Self {
+        let mut wired = Wired::new(machine.rack(seed));
+        let drives = machine.drives().expect("each axis has its board");
+        let drives = wired.commission(drives).expect("boards like their sheets");
+        let cycle = Cycle::new(machine.cycle_settings(), drives, control);
+        let axes = machine.axes.count();
+        let line = Line { wired, outgoing: Box::new(|_| Fate::Pass), incoming: Box::new(|_| Fate::Pass) };
+        let last = CycleRecord::empty(axes);
+        Self { machine, line, cycle, queue: Queue::default(), next: 0, overruns: 0, last }
+    }
+
+    /// To be given at the next tick of the position loop that finds it first in the queue.
+    pub(crate) fn order(&mut self, order: Order) {
+        self.queue.0.push_back(order);
+    }
+
+    /// One period.
+    pub(crate) fn step(&mut self) -> &CycleRecord {
+        let scheduled = Moment::ZERO + self.machine.cycle.period * self.next as i64;
+        let timing = Timing { scheduled, woke: scheduled, previous_finished: scheduled };
+        let slot = Slot { number: self.next, timing, overruns: self.overruns };
+        self.next += 1;
+        self.last = *self.cycle.run(&mut self.line, &mut self.queue, &slot);
+        &self.last
+    }
+
+    /// The host is busy elsewhere for so many periods.
+    pub(crate) fn skip(&mut self, periods: u64) {
+        self.next += periods;
+        self.overruns += periods;
+    }
+
+    /// Periods until all axes are in a mode.
+    pub(crate) fn run_until(&mut self, mode: ModeTag, cycles_max: u64) -> u64 {
+        for cycles in 1..=cycles_max {
+            self.step();
+            if self.last.axes.as_slice().iter().all(|axis| axis.mode == mode) {
+                return cycles;
+            }
+        }
+        panic!("not all axes are {} after {cycles_max} cycles: {:?}", mode.name(), self.modes());
+    }
+
+    pub(crate) fn run(&mut self, cycles: u64) {
+        for _ in 0..cycles {
+            self.step();
+        }
+    }
+
+    pub(crate) fn enable(&mut self) {
+        self.order(Order::Enable);
+        self.run_until(ModeTag::Ready, 200);
+    }
+
+    /// A straight move of all axes to one coordinate.
+    pub(crate) fn line_to(&self, place_mm: f64, feed_mm_per_s: f64) -> Order {
+        Order::Line(LineMotion {
+            target: PerAxis::filled(self.machine.axes.count(), Position::mm(place_mm)),
+            feed: Velocity::mm_per_s(feed_mm_per_s),
+            acceleration: Acceleration::m_per_s2(0.5),
+        })
+    }
+
+    pub(crate) fn axis(&self, axis: AxisId) -> &AxisRecord {
+        &self.last.axes[axis]
+    }
+
+    pub(crate) fn modes(&self) -> Vec<(ModeTag, Option<quadrant::base::fault::Fault>)> {
+        self.last.axes.as_slice().iter().map(|axis| (axis.mode, axis.fault)).collect()
+    }
+
+    pub(crate) fn state(&self, axis: AxisId) -> quadrant::plant::State {
+        self.line.wired.rack().state(axis)
+    }
+}
