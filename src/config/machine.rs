@@ -5,6 +5,7 @@ use crate::base::time::Span;
 use crate::base::units::{Acceleration, Current, Velocity};
 use crate::plant;
 use crate::rt::control;
+pub use crate::rt::control::Gains;
 use crate::rt::cycle::bucket::BucketLimit;
 use crate::rt::cycle::mode::Patience;
 use crate::rt::drive::sheet::Sheet;
@@ -111,7 +112,7 @@ impl Machine {
         self.axes.axes().map(|axis| AXIS_NAMES[axis.index()].to_owned()).collect()
     }
     /// Gains of an axis in a set.
-    pub fn gains(&self, axis: AxisId, set: u8) -> &control::Gains {
+    pub fn gains(&self, axis: AxisId, set: u8) -> &Gains {
         &self.axes[axis].control.gain_sets[usize::from(set)]
     }
     /// The same machine without friction at its tables; its control still believes in friction.

@@ -9,7 +9,7 @@ use std::f64::consts::TAU;
 
 use super::friction;
 use crate::base::time::Span;
-use crate::base::units::{Acceleration, Current, Force, Torque};
+use crate::base::units::{Acceleration, Current, Force, Position, Torque};
 
 /// Screw, table and what turns them.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -44,6 +44,14 @@ impl Mechanics {
     /// Inertia of motor, screw and table at the motor shaft, kg m².
     pub fn total_inertia_kg_m2(&self) -> f64 {
         self.inertia_kg_m2 + self.mass_kg * self.travel_per_rad_m() / self.force_per_torque()
+    }
+    /// Frequency at which motor and table swing against each other, Hz.
+    pub fn resonance_hz(&self) -> f64 {
+        (self.stiffness_n_per_m * (1.0 / self.mass_kg + 1.0 / self.motor_mass_kg())).sqrt() / TAU
+    }
+    /// How far the screw winds up under a force on the table.
+    pub fn wind_up(&self, force: Force) -> Position {
+        Position::m(force.as_n() / self.stiffness_n_per_m)
     }
     /// Torque that balances a force on the table.
     pub fn torque_for_force(&self, force: Force) -> Torque {

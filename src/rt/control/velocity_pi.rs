@@ -13,6 +13,8 @@
 //! Units: gains at the motor shaft (N m s/rad, N m/rad), errors in rad/s.
 //! Invariant: the integral never grows in the direction in which the current is held.
 
+use nalgebra::Complex;
+
 use crate::base::time::Span;
 use crate::base::units::Torque;
 
@@ -42,11 +44,55 @@ pub struct Gains {
     pub memory: Memory,
 }
 
+impl Gains {
+    /// The integral after a tick is `keep * integral + gain * error`: both numbers.
+    fn recursion(&self, tick: Span) -> (f64, f64) {
+        match self.memory {
+            Memory::Integrator { gain_nm_per_rad } => (1.0, gain_nm_per_rad * tick.as_s()),
+            Memory::Lag { gain_nm_s_per_rad, time_constant_s } => {
+                let keep = time_constant_s / (time_constant_s + tick.as_s());
+                (keep, gain_nm_s_per_rad * (1.0 - keep))
+            }
+        }
+    }
+
+    /// Frequency response of the loop as it is sampled, torque per speed error in N m s/rad:
+    /// `K_vp + gain / (z - keep)`. For loop margins (`offline/margins`).
+    pub fn response(&self, tick: Span, omega_rad_per_s: f64) -> Complex<f64> {
+        let (keep, gain_nm_s_per_rad) = self.recursion(tick);
+        let z = Complex::from_polar(1.0, omega_rad_per_s * tick.as_s());
+        Complex::new(gain_nm_s_per_rad, 0.0) / (z - keep) + self.proportional_nm_s_per_rad
+    }
+
+    /// Torque that a lasting speed error makes in the end, N m s/rad; infinite for the integrator.
+    pub fn gain_at_rest_nm_s_per_rad(&self) -> f64 {
+        match self.memory {
+            Memory::Integrator { gain_nm_per_rad: 0.0 } => self.proportional_nm_s_per_rad,
+            Memory::Integrator { .. } => f64::INFINITY,
+            Memory::Lag { gain_nm_s_per_rad, .. } => self.proportional_nm_s_per_rad + gain_nm_s_per_rad,
+        }
+    }
+
+    /// Damping of the loop around a rigid inertia without any delay:
+    /// `K_vp / (2 sqrt(J K_vi))`, and its like for the lag. Infinite without an integral part.
+    pub fn damping(&self, inertia_kg_m2: f64) -> f64 {
+        let kvp = self.proportional_nm_s_per_rad;
+        match self.memory {
+            Memory::Integrator { gain_nm_per_rad } => 0.5 * kvp / (inertia_kg_m2 * gain_nm_per_rad).sqrt(),
+            // J t s^2 + (J + K_vp t) s + K_vp (1 + b V_i) = 0
+            Memory::Lag { gain_nm_s_per_rad, time_constant_s } => {
+                let product = inertia_kg_m2 * time_constant_s * (kvp + gain_nm_s_per_rad);
+                0.5 * (inertia_kg_m2 + kvp * time_constant_s) / product.sqrt()
+            }
+        }
+    }
+}
+
 /// The loop with its divisions done, and what it remembers.
 #[derive(Clone, Copy, Debug)]
 pub struct VelocityLoop {
     proportional_nm_s_per_rad: f64,
-    /// The integral after a tick is `keep * integral + gain * error`.
+    /// See [`Gains::recursion`].
     keep: f64,
     gain_nm_s_per_rad: f64,
     integral_nm: f64,
@@ -64,13 +110,7 @@ pub struct Parts {
 impl VelocityLoop {
     /// A loop with an empty integral.
     pub fn new(gains: &Gains, tick: Span) -> Self {
-        let (keep, gain_nm_s_per_rad) = match gains.memory {
-            Memory::Integrator { gain_nm_per_rad } => (1.0, gain_nm_per_rad * tick.as_s()),
-            Memory::Lag { gain_nm_s_per_rad, time_constant_s } => {
-                let keep = time_constant_s / (time_constant_s + tick.as_s());
-                (keep, gain_nm_s_per_rad * (1.0 - keep))
-            }
-        };
+        let (keep, gain_nm_s_per_rad) = gains.recursion(tick);
         Self {
             proportional_nm_s_per_rad: gains.proportional_nm_s_per_rad,
             keep,
@@ -176,5 +216,57 @@ mod tests {
         let after = loop_.step(2.0, Torque::nm(0.7), UNBOUND);
         let after_nm = (after.proportional + after.integral).as_nm() + 0.7;
         assert!((after_nm - before_nm).abs() < 1e-12, "{before_nm} N m became {after_nm} N m");
+    }
+
+    /// The response found by running the loop on a sampled sine, N m s/rad. `SETTLED` ticks are whole turns
+    /// of it and long enough for a lag to forget its start.
+    fn measured_response(gains: &Gains, ticks_per_turn: u32) -> Complex<f64> {
+        const SETTLED: u32 = 4000;
+        let mut loop_ = VelocityLoop::new(gains, TICK);
+        let mut sum = Complex::new(0.0, 0.0);
+        for tick in 0..SETTLED + ticks_per_turn {
+            let phase =
+                Complex::from_polar(1.0, std::f64::consts::TAU * f64::from(tick) / f64::from(ticks_per_turn));
+            let parts = loop_.step(phase.re, Torque::ZERO, UNBOUND);
+            if tick >= SETTLED {
+                sum += phase.conj() * (parts.proportional + parts.integral).as_nm();
+            }
+        }
+        sum * 2.0 / f64::from(ticks_per_turn)
+    }
+
+    #[test]
+    fn the_response_is_that_of_the_running_loop() {
+        let lag = Gains {
+            proportional_nm_s_per_rad: 1.295,
+            memory: Memory::Lag { gain_nm_s_per_rad: 9.0, time_constant_s: 0.069 },
+        };
+        for gains in [integrator(1.517, 178.7), lag] {
+            for ticks_per_turn in [8_u32, 40, 200] {
+                let omega = std::f64::consts::TAU / (f64::from(ticks_per_turn) * TICK.as_s());
+                let (stated, measured) =
+                    (gains.response(TICK, omega), measured_response(&gains, ticks_per_turn));
+                let off = (stated - measured).norm() / stated.norm();
+                assert!(off < 1e-9, "{gains:?} at {omega} rad/s: {stated} stated, {measured} measured");
+            }
+        }
+    }
+
+    #[test]
+    fn damping_is_that_of_the_known_sets() {
+        // Motor and screw of the reference axis; the lag's parameters are known to two digits only.
+        let lag = |kvp: f64, v_i: f64| Gains {
+            proportional_nm_s_per_rad: kvp,
+            memory: Memory::Lag { gain_nm_s_per_rad: kvp * 6.1 * v_i, time_constant_s: 0.069 },
+        };
+        for (gains, known, bound) in [
+            (integrator(1.517, 178.7), 0.709, 5e-4),
+            (integrator(1.493, 400.5), 0.466, 5e-4),
+            (lag(0.01281 * 101.121, 1.140), 0.715, 6e-3),
+            (lag(0.01281 * 99.522, 2.596), 0.488, 6e-3),
+        ] {
+            let damping = gains.damping(0.0064);
+            assert!((damping - known).abs() < bound, "{gains:?}: damping {damping}, known {known}");
+        }
     }
 }

@@ -156,6 +156,13 @@ impl Sheet {
     pub const fn watchdog(&self) -> Span {
         Span::us(self.watchdog_us as i64)
     }
+    /// From the SYNC whose feedback a command answers to the moment it acts.
+    pub const fn command_delay(&self, period: Span) -> Span {
+        match self.command_applies {
+            CommandApplies::OnReceipt => Span::ZERO,
+            CommandApplies::OnNextSync => period,
+        }
+    }
     /// The most current the drive gives, as it travels.
     pub const fn peak_current(&self) -> CurrentCounts {
         CurrentCounts::ma(self.peak_current_ma)

@@ -15,6 +15,8 @@
 //! position), so a steady motion shows no jump.
 //! Invariant: a steady velocity is estimated exactly, over every gap.
 
+use nalgebra::Complex;
+
 use crate::base::time::Span;
 use crate::base::units::{Position, Velocity};
 
@@ -26,6 +28,21 @@ pub enum VelocityEstimate {
     Difference,
     /// Second order backward difference of three positions: no delay to second order, more noise.
     SecondOrder,
+}
+
+impl VelocityEstimate {
+    /// Frequency response from the true velocity to the estimate. For loop margins
+    /// (`offline/margins`).
+    pub fn response(self, period: Span, omega_rad_per_s: f64) -> Complex<f64> {
+        let turn_rad = omega_rad_per_s * period.as_s();
+        let back = |periods: f64| Complex::from_polar(1.0, -periods * turn_rad);
+        let step = match self {
+            Self::Difference => -back(1.0) + 1.0,
+            Self::SecondOrder => (back(2.0) - back(1.0) * 4.0 + 3.0) * 0.5,
+        };
+        // Per true velocity: the position is its integral, 1/s.
+        step / Complex::new(0.0, turn_rad)
+    }
 }
 
 /// Estimates the velocity of one axis.
@@ -135,6 +152,30 @@ mod tests {
                 .map(|x_m| estimator.advance(Position::m(x_m), 1).as_m_per_s() * PERIOD_S);
             let norm = answer.iter().map(|part| part * part).sum::<f64>().sqrt();
             assert!((norm - gain).abs() < 1e-12, "{estimate:?}: {norm} / T, expected {gain} / T");
+        }
+    }
+
+    #[test]
+    fn the_response_is_that_of_the_running_estimator() {
+        for estimate in BOTH {
+            for periods_per_turn in [8_u32, 40, 400] {
+                let omega = std::f64::consts::TAU / (f64::from(periods_per_turn) * PERIOD_S);
+                let at = |tick: u32| Complex::from_polar(1.0, omega * PERIOD_S * f64::from(tick));
+                let (mut estimator, mut sum) = (estimator(estimate), Complex::new(0.0, 0.0));
+                for tick in 0..2 * periods_per_turn {
+                    let velocity = estimator.advance(Position::m(at(tick).re), 1);
+                    if tick >= periods_per_turn {
+                        sum += at(tick).conj() * velocity.as_m_per_s() * 2.0 / f64::from(periods_per_turn);
+                    }
+                }
+                // The true velocity of `exp(s t)` is `s` times it.
+                let measured = sum / Complex::new(0.0, omega);
+                let stated = estimate.response(Span::s(PERIOD_S), omega);
+                assert!(
+                    (stated - measured).norm() < 1e-9,
+                    "{estimate:?}: {stated} stated, {measured} measured"
+                );
+            }
         }
     }
 
