@@ -2,7 +2,8 @@
 
 use clap::Args;
 
-use super::{Outcome, machine};
+use super::{Outcome, machine, print_json, print_text, view};
+use crate::offline::check::MachineReport;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
@@ -16,6 +17,11 @@ pub(super) struct Arguments {
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let machine = machine(&arguments.machine)?;
-    println!("{} {}", machine.name, arguments.json);
+    let report = MachineReport::of(&machine);
+    if arguments.json {
+        print_json(&report)?;
+    } else {
+        print_text(&view::machine_tables(&report));
+    }
     Ok(Outcome::Done)
 }

@@ -1,14 +1,14 @@
 //! `quadrant log FILE`: what is in a log; as CSV; or what is left of a damaged one.
 
 use std::fs::File;
-use std::io::{BufWriter, Write};
+use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use clap::Args;
 use serde::Serialize;
 
-use super::{Outcome, print_json, view};
+use super::{Outcome, print_json, print_text, view};
 use crate::log::{Header, LogError, Reader, Summary, csv, header::rfc3339, recover};
 
 #[derive(Debug, Args)]
@@ -41,8 +41,13 @@ fn run_recover(arguments: &Arguments, target: &Path) -> anyhow::Result<Outcome> 
     if arguments.json {
         print_json(&recovery)?;
     } else {
-        println!("{}: {} records", recovery.path.display(), recovery.records);
-        println!("missing: {} records, {} bytes unusable", recovery.records_lost, recovery.bytes_lost);
+        print_text(&format!(
+            "{}: {} records\nmissing: {} records, {} bytes unusable\n",
+            recovery.path.display(),
+            recovery.records,
+            recovery.records_lost,
+            recovery.bytes_lost
+        ));
     }
     if recovery.is_header_lost {
         eprintln!("warning: a part of the header was unreadable; see extra.recovered in the new log");
@@ -115,8 +120,7 @@ fn summarise(arguments: &Arguments) -> anyhow::Result<Outcome> {
     if arguments.json {
         print_json(&printed)?;
     } else {
-        let mut out = std::io::stdout().lock();
-        let _closed_pipe = writeln!(out, "{}", view::log_table(&printed.started, &header, &summary));
+        print_text(&(view::log_table(&printed.started, &header, &summary) + "\n"));
     }
     Ok(if say_truncated(&log) { Outcome::Incomplete } else { Outcome::Done })
 }

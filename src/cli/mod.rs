@@ -9,7 +9,7 @@ mod circle;
 mod log;
 mod view;
 
-use std::io::IsTerminal;
+use std::io::{IsTerminal, Write};
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
@@ -87,11 +87,13 @@ fn machine(name_or_path: &str) -> anyhow::Result<Machine> {
     Ok(config::load(name_or_path)?)
 }
 
+/// Print a text. A closed pipe (`| head`) is no error of ours.
+fn print_text(text: &str) {
+    let _ = std::io::stdout().write_all(text.as_bytes());
+}
+
 /// Print a value as one JSON object.
 fn print_json(value: &impl serde::Serialize) -> anyhow::Result<()> {
-    use std::io::Write;
-    let text = serde_json::to_string_pretty(value)?;
-    // A closed pipe (`| head`) is no error of ours.
-    let _ = writeln!(std::io::stdout(), "{text}");
+    print_text(&(serde_json::to_string_pretty(value)? + "\n"));
     Ok(())
 }

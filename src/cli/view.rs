@@ -3,6 +3,7 @@
 use comfy_table::{CellAlignment, Table, presets};
 
 use crate::log::{Header, Summary};
+use crate::offline::check::{MachineReport, Row};
 use crate::offline::circle::{CircularTest, PointAnalysis, Quadrant};
 use crate::offline::report::TestSheet;
 
@@ -118,4 +119,39 @@ pub(super) fn log_table(started: &str, header: &Header, summary: &Summary) -> St
         );
     }
     lines
+}
+
+/// What a machine file implies: the cycle, each axis, its gain sets side by side, what to look at twice.
+pub(super) fn machine_tables(report: &MachineReport) -> String {
+    let mut lines = format!("{} is right: machine {}\n", report.source, report.machine);
+    lines += &format!("\n{}\n", rows_table("cycle", &[("", report.cycle.rows())]));
+    for axis in &report.axes {
+        lines += &format!("\n{}\n", rows_table(&format!("axis {}", axis.axis), &[("", axis.rows())]));
+        let sets: Vec<(&str, Vec<Row>)> =
+            axis.gain_sets.iter().map(|set| (set.gains.as_str(), set.rows())).collect();
+        lines += &format!("\n{}\n", rows_table(&format!("axis {}, gains", axis.axis), &sets));
+    }
+    for warning in &report.warnings {
+        lines += &format!("\nwarning: {}: {}", warning.key, warning.message);
+    }
+    if !report.warnings.is_empty() {
+        lines.push('\n');
+    }
+    lines
+}
+
+/// Rows of the same kind in columns side by side.
+fn rows_table(title: &str, columns: &[(&str, Vec<Row>)]) -> Table {
+    let heads: Vec<&str> =
+        [title].into_iter().chain(columns.iter().map(|(head, _)| *head)).chain([""]).collect();
+    let mut rows = table(&heads);
+    if let Some(last) = rows.column_mut(heads.len() - 1) {
+        last.set_cell_alignment(CellAlignment::Left);
+    }
+    let [(_, first), ..] = columns else { return rows };
+    for (index, row) in first.iter().enumerate() {
+        let values = columns.iter().map(|(_, rows)| rows[index].value.as_str());
+        rows.add_row([row.name].into_iter().chain(values).chain([row.unit]));
+    }
+    rows
 }

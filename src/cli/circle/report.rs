@@ -11,7 +11,7 @@ use serde::Serialize;
 use super::live::{self, Recording};
 use crate::base::motion::{Circle, Direction};
 use crate::base::units::{Position, Velocity};
-use crate::cli::{Outcome, print_json, view};
+use crate::cli::{Outcome, print_json, print_text, view};
 use crate::config::plan::CircleRequest;
 use crate::config::{self, EMBEDDED, Machine};
 use crate::log::header::rfc3339;
@@ -254,9 +254,7 @@ fn print(
         let names = [html, svg, png].map(|path: &PathBuf| path.display().to_string());
         lines += &format!("report  {}\n        {}\n        {}\n", names[0], names[1], names[2]);
     }
-    use std::io::Write;
-    // A closed pipe (`| head`) is no error of ours.
-    let _ = std::io::stdout().write_all(lines.as_bytes());
+    print_text(&lines);
     Ok(())
 }
 
