@@ -1,5 +1,7 @@
 //! One machine: everything that its file says, checked, in the types that use it.
 
+use std::collections::BTreeMap;
+
 use crate::base::axis::{AxisId, PerAxis};
 use crate::base::time::Span;
 use crate::base::units::{Acceleration, Current, Velocity};
@@ -25,6 +27,8 @@ pub struct Machine {
     pub source: String,
     /// The text, as the log carries it.
     pub text: String,
+    /// Texts of the board sheets it names, as the log carries them.
+    pub sheets: BTreeMap<String, String>,
     /// The control cycle.
     pub cycle: Cycle,
     /// The CAN bus.

@@ -1,12 +1,10 @@
 //! The mirror of the machine file: one function per section, in the order of the file.
 
-use std::path::Path;
-
 use super::bus_load::BusLoad;
 use super::machine::{AXIS_NAMES, Axis, BusRates, Cycle, Machine, Motion, Supervision};
 use super::problem::FileProblems;
 use super::reader::{Notes, Section, parse};
-use super::sheet_file;
+use super::sheet_file::{self, Shelf};
 use crate::base::axis::PerAxis;
 use crate::base::time::Span;
 use crate::base::units::{Acceleration, Current, Force, Position, Velocity};
@@ -23,8 +21,8 @@ use crate::rt::wire::scaling::{AxisScale, ScaleSettings, Sense};
 /// for heartbeats, emergencies and retransmission.
 const BUS_LOAD_MAX: f64 = 0.9;
 
-/// Read a machine; sheets are looked for in `folder` before the embedded ones.
-pub(super) fn read(source: &str, text: &str, folder: Option<&Path>) -> Result<Machine, FileProblems> {
+/// Read a machine with the sheets of a shelf.
+pub(super) fn read(source: &str, text: &str, shelf: Shelf<'_>) -> Result<Machine, FileProblems> {
     let notes = Notes::default();
     let table = parse(text, &notes);
     let root = Section::root(&table, &notes);
@@ -35,12 +33,13 @@ pub(super) fn read(source: &str, text: &str, folder: Option<&Path>) -> Result<Ma
     let motion = motion(root.section("motion"));
     let axis_section = root.section("axis");
     let gain_sets = gain_set_names(&axis_section);
-    let axes = axes(&axis_section, &cycle, &gain_sets, folder);
+    let axes = axes(&axis_section, &cycle, &gain_sets, &shelf);
     axis_section.close();
     let machine = Machine {
         name,
         source: source.to_owned(),
         text: text.to_owned(),
+        sheets: shelf.taken(),
         cycle,
         bus,
         supervision,
@@ -126,7 +125,7 @@ fn gain_set_names(axes: &Section<'_>) -> Vec<String> {
     if names.is_empty() { vec![String::new()] } else { names.into_iter().take(GAIN_SETS_MAX).collect() }
 }
 
-fn axes(section: &Section<'_>, cycle: &Cycle, sets: &[String], folder: Option<&Path>) -> PerAxis<Axis> {
+fn axes(section: &Section<'_>, cycle: &Cycle, sets: &[String], shelf: &Shelf<'_>) -> PerAxis<Axis> {
     let names: Vec<String> = section.keys();
     let count = names.len().clamp(1, AXIS_NAMES.len());
     for name in &names {
@@ -137,7 +136,7 @@ fn axes(section: &Section<'_>, cycle: &Cycle, sets: &[String], folder: Option<&P
         }
     }
     let axes =
-        PerAxis::from_fn(count, |id| axis(section.section(AXIS_NAMES[id.index()]), cycle, sets, folder));
+        PerAxis::from_fn(count, |id| axis(section.section(AXIS_NAMES[id.index()]), cycle, sets, shelf));
     for (id, axis) in axes.iter() {
         if axes.iter().any(|(other, twin)| other < id && twin.node == axis.node) {
             let board = section.section(AXIS_NAMES[id.index()]).section("board");
@@ -151,7 +150,7 @@ fn axes(section: &Section<'_>, cycle: &Cycle, sets: &[String], folder: Option<&P
     axes
 }
 
-fn axis(section: Section<'_>, cycle: &Cycle, sets: &[String], folder: Option<&Path>) -> Axis {
+fn axis(section: Section<'_>, cycle: &Cycle, sets: &[String], shelf: &Shelf<'_>) -> Axis {
     let board = section.section("board");
     let node = Node::new(board.whole("node", 1..=127, "") as u8).unwrap_or(Node::MAX);
     let feedback_latency = Span::us(board.whole("feedback-latency-us", 0..=20_000, "us"));
@@ -169,7 +168,7 @@ fn axis(section: Section<'_>, cycle: &Cycle, sets: &[String], folder: Option<&Pa
     );
     let table = section.optional_section("table-scale");
     let senses = (sense(&encoder), table.as_ref().map_or(Sense::Along, sense));
-    let sheet = sheet(board, encoder, table, (&drive, &actuator), folder);
+    let sheet = sheet(board, encoder, table, (&drive, &actuator), shelf);
     drive.close();
     let plant = plant::Parameters {
         mechanics: mechanics(section.section("mechanics")),
@@ -204,10 +203,10 @@ fn sheet(
     encoder: Section<'_>,
     table: Option<Section<'_>>,
     (drive, actuator): (&Section<'_>, &Actuator),
-    folder: Option<&Path>,
+    shelf: &Shelf<'_>,
 ) -> Sheet {
     let name = board.text("sheet");
-    let mut sheet = sheet_file::find(&name, folder).unwrap_or_else(|cause| {
+    let mut sheet = shelf.find(&name).unwrap_or_else(|cause| {
         board.object("sheet", format!("no usable board sheet \"{name}\""), cause);
         sheet_file::placeholder()
     });

@@ -13,10 +13,12 @@ pub mod problem;
 mod reader;
 mod sheet_file;
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 pub use machine::Machine;
 use problem::FileProblems;
+use sheet_file::Shelf;
 
 /// Machines that need no file, by name.
 pub const EMBEDDED: [(&str, &str); 2] = [
@@ -42,16 +44,22 @@ pub enum LoadError {
 
 /// The machine of a file, or an embedded one by its name.
 pub fn load(name_or_path: &str) -> Result<Machine, LoadError> {
+    let none = BTreeMap::new();
     if let Some((name, text)) = EMBEDDED.into_iter().find(|(name, _)| *name == name_or_path) {
-        return Ok(machine_file::read(&format!("{name} (embedded)"), text, None).map_err(Box::new)?);
+        return Ok(machine_file::read(&format!("{name} (embedded)"), text, Shelf::new(&none, None))
+            .map_err(Box::new)?);
     }
     let path = Path::new(name_or_path);
     let text = std::fs::read_to_string(path)
         .map_err(|cause| LoadError::Unreadable { path: path.to_owned(), cause })?;
-    Ok(machine_file::read(name_or_path, &text, path.parent()).map_err(Box::new)?)
+    Ok(machine_file::read(name_or_path, &text, Shelf::new(&none, path.parent())).map_err(Box::new)?)
 }
 
-/// A machine from a text, as a log carries it. Board sheets are the embedded ones.
-pub fn from_text(source: &str, text: &str) -> Result<Machine, Box<FileProblems>> {
-    machine_file::read(source, text, None).map_err(Box::new)
+/// A machine from its text and the texts of its board sheets, as a log carries them.
+pub fn from_texts(
+    source: &str,
+    text: &str,
+    sheets: &BTreeMap<String, String>,
+) -> Result<Machine, Box<FileProblems>> {
+    machine_file::read(source, text, Shelf::new(sheets, None)).map_err(Box::new)
 }

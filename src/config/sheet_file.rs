@@ -3,6 +3,8 @@
 //! Invariant: object and unit in the file are those of the protocol, so a sheet cannot mean another
 //! value than the board does.
 
+use std::cell::RefCell;
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::reader::{Notes, Section, parse};
@@ -21,15 +23,51 @@ const LAYOUT: [(&str, &[Object]); 4] = [
     ("current", &[Object::PeakCurrent, Object::RatedCurrent]),
 ];
 
-/// The sheet of a name: `NAME.toml` in the folder of the machine file, or the embedded one.
-pub(super) fn find(name: &str, folder: Option<&Path>) -> Result<Sheet, String> {
-    if let Some(path) = folder.map(|folder| folder.join(name).with_extension("toml")).filter(|p| p.exists()) {
-        let text = std::fs::read_to_string(&path).map_err(|cause| format!("{}: {cause}", path.display()))?;
-        return read(&path.display().to_string(), &text);
+/// Where sheets are looked for, and the texts of those that were taken.
+#[derive(Debug)]
+pub(super) struct Shelf<'a> {
+    /// Of a log: they go before all others.
+    given: &'a BTreeMap<String, String>,
+    /// Of the machine file.
+    folder: Option<&'a Path>,
+    taken: RefCell<BTreeMap<String, String>>,
+}
+
+impl<'a> Shelf<'a> {
+    pub(super) fn new(given: &'a BTreeMap<String, String>, folder: Option<&'a Path>) -> Self {
+        Self { given, folder, taken: RefCell::default() }
     }
-    match EMBEDDED.into_iter().find(|(known, _)| *known == name) {
-        Some((_, text)) => read(name, text),
-        None => Err(format!("no {name}.toml beside the machine file, and embedded is only encoder-board")),
+
+    /// The sheet of a name: a given one, `NAME.toml` in the folder, or the embedded one.
+    pub(super) fn find(&self, name: &str) -> Result<Sheet, String> {
+        let (file, text) = self.text(name)?;
+        let sheet = read(&file, &text)?;
+        self.taken.borrow_mut().insert(name.to_owned(), text);
+        Ok(sheet)
+    }
+
+    fn text(&self, name: &str) -> Result<(String, String), String> {
+        if let Some(text) = self.given.get(name) {
+            return Ok((name.to_owned(), text.clone()));
+        }
+        let beside = self.folder.map(|folder| folder.join(name).with_extension("toml"));
+        if let Some(path) = beside.filter(|path| path.exists()) {
+            let file = path.display().to_string();
+            return std::fs::read_to_string(&path)
+                .map_err(|cause| format!("{file}: {cause}"))
+                .map(|text| (file, text));
+        }
+        match EMBEDDED.into_iter().find(|(known, _)| *known == name) {
+            Some((_, text)) => Ok((name.to_owned(), text.to_owned())),
+            None => {
+                Err(format!("no {name}.toml beside the machine file, and embedded is only encoder-board"))
+            }
+        }
+    }
+
+    /// The texts that were taken, by name.
+    pub(super) fn taken(self) -> BTreeMap<String, String> {
+        self.taken.into_inner()
     }
 }
 

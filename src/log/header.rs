@@ -10,6 +10,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use jiff::Timestamp;
 use serde_json::Value;
 
 use crate::base::axis::AXES_MAX;
@@ -24,6 +25,8 @@ pub(super) const METADATA: &str = "quadrant";
 pub const MACHINE_ATTACHMENT: &str = "machine.toml";
 /// Before the name of a key that the caller added.
 const EXTRA: &str = "extra.";
+/// Before the name of a board sheet.
+const SHEET: &str = "sheet.";
 /// The key that covers the others.
 const CHECKSUM: &str = "crc32";
 
@@ -57,6 +60,8 @@ pub struct Header {
     pub machine_name: String,
     /// The machine file, as read.
     pub machine_text: String,
+    /// The board sheets it names, by name.
+    pub sheets: BTreeMap<String, String>,
     /// Seed of everything random in the run.
     pub seed: u64,
     /// What paced it.
@@ -121,9 +126,11 @@ impl Header {
             ("gain_sets", Value::from(self.gain_sets.clone()).to_string()),
             ("motions", motions.to_string()),
         ];
-        let extra = self.extra.iter().map(|(key, value)| (format!("{EXTRA}{key}"), value.clone()));
         let mut keys: BTreeMap<_, _> =
-            facts.into_iter().map(|(key, value)| (key.to_owned(), value)).chain(extra).collect();
+            facts.into_iter().map(|(key, value)| (key.to_owned(), value)).collect();
+        for (prefix, entries) in [(EXTRA, &self.extra), (SHEET, &self.sheets)] {
+            keys.extend(entries.iter().map(|(key, value)| (format!("{prefix}{key}"), value.clone())));
+        }
         keys.insert(CHECKSUM.to_owned(), checksum(&keys));
         keys
     }
@@ -158,7 +165,8 @@ impl Header {
             period: Span::ns(keys.number("period_ns")?),
             gain_sets: keys.json("gain_sets", "a JSON array of names")?,
             motions: keys.json("motions", "a JSON object by motion number")?,
-            extra: keys.extra(),
+            sheets: keys.below(SHEET),
+            extra: keys.below(EXTRA),
         };
         header.check()?;
         Ok(header)
@@ -195,9 +203,10 @@ impl Keys<'_> {
             expected,
         })
     }
-    fn extra(&self) -> BTreeMap<String, String> {
+    /// The entries whose key has a prefix, without it.
+    fn below(&self, prefix: &str) -> BTreeMap<String, String> {
         let keys = self.keys.iter();
-        keys.filter_map(|(key, value)| Some((key.strip_prefix(EXTRA)?.to_owned(), value.clone()))).collect()
+        keys.filter_map(|(key, value)| Some((key.strip_prefix(prefix)?.to_owned(), value.clone()))).collect()
     }
 }
 
@@ -213,27 +222,15 @@ fn checksum(keys: &BTreeMap<String, String>) -> String {
     format!("{:08x}", hasher.finalize())
 }
 
-/// A wall clock as text, UTC, to the nanosecond (RFC 3339). The date comes from the day number by
-/// counting in eras of 400 years of 146,097 days that start on 1 March, so that a leap day is last.
+/// A wall clock as text, UTC, to the nanosecond (RFC 3339).
 pub fn rfc3339(wall_ns: i64) -> String {
-    let (seconds, ns) = (wall_ns.div_euclid(1_000_000_000), wall_ns.rem_euclid(1_000_000_000));
-    let (days, second) = (seconds.div_euclid(86_400), seconds.rem_euclid(86_400));
-    let march = days + 719_468; // days since 0000-03-01
-    let (era, day_of_era) = (march.div_euclid(146_097), march.rem_euclid(146_097));
-    let year_of_era = (day_of_era - day_of_era / 1_460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
-    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
-    let month_from_march = (5 * day_of_year + 2) / 153;
-    let day = day_of_year - (153 * month_from_march + 2) / 5 + 1;
-    let month = (month_from_march + 2) % 12 + 1;
-    let year = era * 400 + year_of_era + i64::from(month <= 2);
-    let (hour, minute, second) = (second / 3_600, second / 60 % 60, second % 60);
-    format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}.{ns:09}Z")
+    format!("{:.9}", Timestamp::from_nanosecond(wall_ns.into()).unwrap_or(Timestamp::UNIX_EPOCH))
 }
 
 /// A wall clock for the name of a file, to the millisecond: `20261121T084500.123Z`.
 pub fn file_stamp(wall_ns: i64) -> String {
-    let text = rfc3339(wall_ns).replace(['-', ':'], "");
-    text.get(..19).map_or_else(|| text.clone(), |short| format!("{short}Z"))
+    let time = Timestamp::from_nanosecond(wall_ns.into()).unwrap_or(Timestamp::UNIX_EPOCH);
+    time.strftime("%Y%m%dT%H%M%S.%3fZ").to_string()
 }
 
 #[cfg(test)]
@@ -247,6 +244,7 @@ pub(super) mod tests {
             commit: "b1f5fa8".to_owned(),
             machine_name: "reference".to_owned(),
             machine_text: "# a machine\n[axis.x]\n".to_owned(),
+            sheets: BTreeMap::from([("board".to_owned(), "[identity]\n".to_owned())]),
             seed: u64::MAX,
             pace: Pace::Virtual,
             wall_at_zero_ns: 1_800_000_000_123_456_789,

@@ -137,6 +137,7 @@ fn header_of_records(found: &Found) -> Option<Header> {
         commit: lost(),
         machine_name: lost(),
         machine_text: String::new(),
+        sheets: Default::default(),
         seed: 0,
         pace: Pace::Realtime,
         wall_at_zero_ns: i64::try_from(found.wall_ns).ok()?.checked_sub(first.timing.scheduled.as_ns())?,

@@ -124,6 +124,7 @@ fn log_header(machine: &Machine, arguments: &Arguments) -> anyhow::Result<(PathB
         commit: env!("QUADRANT_COMMIT").to_owned(),
         machine_name: machine.name.clone(),
         machine_text: machine.text.clone(),
+        sheets: machine.sheets.clone(),
         seed: arguments.seed,
         pace: Pace::Realtime,
         wall_at_zero_ns,

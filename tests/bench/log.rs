@@ -26,6 +26,7 @@ fn header() -> Header {
         commit: String::new(),
         machine_name: "reference".to_owned(),
         machine_text: String::new(),
+        sheets: Default::default(),
         seed: 7,
         pace: Pace::Virtual,
         wall_at_zero_ns: 1_800_000_000_000_000_000,

@@ -33,7 +33,8 @@ pub(crate) fn machine_with(name: &str, edits: &[(&str, &str)]) -> Machine {
         assert!(text.contains(from), "the {name} machine has no line '{from}'");
         text = text.replace(from, to);
     }
-    config::from_text(name, &text).unwrap_or_else(|problems| panic!("{}", problems.render(false)))
+    config::from_texts(name, &text, &Default::default())
+        .unwrap_or_else(|problems| panic!("{}", problems.render(false)))
 }
 
 pub(crate) fn machine(name: &str) -> Machine {
@@ -49,7 +50,8 @@ pub(crate) fn three_axes() -> Machine {
     let z = y.replace("axis.y", "axis.z").replace("node = 2", "node = 3");
     let text =
         format!("{head}{y}{z}").replace("data-bit-rate-kbit-per-s = 5000", "data-bit-rate-kbit-per-s = 8000");
-    config::from_text("three axes", &text).unwrap_or_else(|problems| panic!("{}", problems.render(false)))
+    config::from_texts("three axes", &text, &Default::default())
+        .unwrap_or_else(|problems| panic!("{}", problems.render(false)))
 }
 
 /// The circle of PHYSICS 3.2: 150 mm around zero, from 45 degrees.

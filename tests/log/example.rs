@@ -24,6 +24,7 @@ pub(crate) fn header(axes: usize) -> Header {
         commit: "0123abc".to_owned(),
         machine_name: "reference".to_owned(),
         machine_text: "# machine\n[axis.x]\nlead-m = 0.016\n".to_owned(),
+        sheets: BTreeMap::from([("board".to_owned(), "[identity]\n".to_owned())]),
         seed: 7,
         pace: Pace::Virtual,
         wall_at_zero_ns: WALL_AT_ZERO_NS,

@@ -198,6 +198,7 @@ fn header(machine: &Machine, request: &CircleRequest, test: &CircleTest, start: 
         commit: env!("QUADRANT_COMMIT").to_owned(),
         machine_name: machine.name.clone(),
         machine_text: machine.text.clone(),
+        sheets: machine.sheets.clone(),
         seed,
         pace: start.pace,
         wall_at_zero_ns: start.wall_ns,

@@ -153,7 +153,7 @@ fn circles(header: &Header) -> Vec<(u32, Circle)> {
 }
 
 fn twin_of(header: &Header, gains: &str) -> anyhow::Result<Option<Trace>> {
-    let machine = config::from_text(&header.machine_name, &header.machine_text)?;
+    let machine = config::from_texts(&header.machine_name, &header.machine_text, &header.sheets)?;
     let circles = circles(header);
     let Some((_, first)) = circles.first() else { bail!("the log names no circle") };
     let directions = circles.iter().map(|(_, circle)| circle.direction).collect();
