@@ -1,4 +1,6 @@
 //! The mirror of the machine file: one function per section, in the order of the file.
+//!
+//! Invariant: every key that is read is required, ranged and named with its unit.
 
 use std::path::Path;
 
