@@ -1,6 +1,5 @@
 //! The mirror of the machine file: one function per section, in the order of the file.
-//!
-//! Invariant: every key that is read is required, ranged and named with its unit.
+//! Invariant: a key has a range and names its unit; what moves the machine has no default.
 
 use std::path::Path;
 
