@@ -24,7 +24,7 @@ impl Tested {
     fn new(model: &Model, feed_mm_per_min: f64) -> Self {
         let circles = [Direction::Ccw, Direction::Cw].map(|direction| circle(feed_mm_per_min, direction, 1));
         let trace = |model: &Model, circle: &Circle| {
-            Trace::from_records(&model.records(circle)).unwrap().stretch(1).unwrap()
+            Trace::from_records(model.records(circle)).unwrap().stretch(1).unwrap()
         };
         Self {
             circles,

@@ -1,4 +1,6 @@
 //! What we tell one drive, how it came about, and which limits shaped it.
+//!
+//! Invariant: a value that a limit changed names that limit.
 
 use super::units::{Current, Position, Torque, Velocity};
 

@@ -1,5 +1,7 @@
 //! Numbered faults. A number is forever: it is what the log, the board and the operator see, and
 //! each has a page in `docs/faults/`.
+//!
+//! Invariant: a number is never given to another fault, and every fault has a way to stop.
 
 use std::fmt;
 

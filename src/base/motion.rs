@@ -1,5 +1,7 @@
 //! The motions an axis pair can be ordered to make, as descriptions; `rt/control/profile` turns one
 //! into setpoints and `offline/circle` judges the path that came of it.
+//!
+//! Invariant: geometry and speed along it; how speed is gained and lost is the profile's.
 
 use std::fmt;
 

@@ -1,4 +1,6 @@
 //! What one axis told us in one cycle, raw and in units.
+//!
+//! Invariant: whoever reads a value can tell from `freshness` and `age_cycles` how old it is.
 
 use super::units::{Current, Position, Velocity};
 

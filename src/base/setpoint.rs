@@ -1,4 +1,6 @@
 //! What we want of one axis at this instant.
+//!
+//! Invariant: velocity and acceleration are the derivatives of the position, not independent wishes.
 
 use super::units::{Acceleration, Position, Velocity};
 

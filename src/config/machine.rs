@@ -1,4 +1,6 @@
 //! One machine: everything that its file says, checked, in the types that use it.
+//!
+//! Invariant: a [`Machine`] exists only after every check of its file has passed.
 
 use std::collections::BTreeMap;
 

@@ -1,4 +1,5 @@
 //! The mirror of the machine file: one function per section, in the order of the file.
+//! Invariant: a key has a range and names its unit; what moves the machine has no default.
 
 use super::bus_load::BusLoad;
 use super::machine::{AXIS_NAMES, Axis, BusRates, Cycle, Machine, Motion, Supervision};

@@ -1,4 +1,6 @@
 //! What is wrong with a file: every problem at once, each at its place in the text.
+//!
+//! Invariant: a problem points at the bytes it is about, and says what would be right.
 
 use std::fmt;
 use std::ops::Range;

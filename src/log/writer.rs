@@ -1,12 +1,12 @@
 //! Records from the ring to disk, on a thread of their own beside the cycle.
 //!
-//! Every [`POLL`] the ring is emptied; every [`CHUNK_SPAN`] or [`CHUNK_BYTES`] the open chunk is
+//! Every `POLL` the ring is emptied; every `CHUNK_SPAN` or `CHUNK_BYTES` the open chunk is
 //! completed and handed to the system in one write. A killed run therefore lacks at most
 //! `CHUNK_SPAN + POLL` and the time of one write: 250 ms are promised. For a power failure a second
-//! thread forces the file to the disk every [`SYNC_SPAN`]; a slow disk stalls that thread only.
+//! thread forces the file to the disk every `SYNC_SPAN`; a slow disk stalls that thread only.
 //!
 //! When the disk refuses, chunks wait in memory (`backlog`) and are tried again every
-//! [`CHUNK_SPAN`]; when that is full, records are dropped and counted. The file never has a hole
+//! `CHUNK_SPAN`; when that is full, records are dropped and counted. The file never has a hole
 //! and no second file is ever started.
 //!
 //! Invariant: the ring is drained until its producer is gone, whatever the disk does; every record

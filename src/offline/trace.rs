@@ -314,7 +314,7 @@ mod tests {
 
     #[test]
     fn missing_cycles_are_gaps_and_keep_their_time() {
-        let trace = Trace::from_records(&records(&[1, 2, 3, 6, 7])).unwrap();
+        let trace = Trace::from_records(records(&[1, 2, 3, 6, 7])).unwrap();
         assert!((trace.period_s - 0.0005).abs() < 1e-12, "period {} s", trace.period_s);
         assert_eq!(trace.gaps, [Gap { cycle: 4, count: 2 }]);
         assert!((trace.time_s[3] - 0.0025).abs() < 1e-12, "time of cycle 6 is {} s", trace.time_s[3]);
@@ -323,7 +323,7 @@ mod tests {
 
     #[test]
     fn a_stretch_holds_one_motion_with_its_run_in() {
-        let trace = Trace::from_records(&records(&[1, 2, 3, 4, 5])).unwrap();
+        let trace = Trace::from_records(records(&[1, 2, 3, 4, 5])).unwrap();
         let stretch = trace.stretch(1).unwrap();
         assert_eq!(stretch.cycle, [3, 4, 5]);
         assert_eq!(stretch.is_measured, [false, true, true]);
@@ -335,15 +335,15 @@ mod tests {
 
     #[test]
     fn a_table_that_is_not_a_number_is_no_table() {
-        let trace = Trace::from_records(&records(&[1, 2])).unwrap();
+        let trace = Trace::from_records(records(&[1, 2])).unwrap();
         assert!(trace.axes[0].table_position_m.is_some());
         assert_eq!(trace.axes[1].table_position_m, None);
     }
 
     #[test]
     fn records_that_run_backwards_are_refused() {
-        let refused = Trace::from_records(&records(&[2, 2]));
+        let refused = Trace::from_records(records(&[2, 2]));
         assert_eq!(refused, Err(TraceError::OutOfOrder { previous: 2, cycle: 2 }));
-        assert_eq!(Trace::from_records(&records(&[5])), Err(TraceError::TooShort { records: 1 }));
+        assert_eq!(Trace::from_records(records(&[5])), Err(TraceError::TooShort { records: 1 }));
     }
 }

@@ -8,8 +8,8 @@
 #![cfg_attr(not(test), deny(clippy::disallowed_macros, clippy::disallowed_methods, clippy::disallowed_types))]
 
 pub mod bus; //     frames in and out
-pub mod control; // sample to command: loops, feed-forward, limits, profile
-pub mod cycle; //   the conductor: one period, the modes, the pace
-pub mod door; //    orders in, records out
-pub mod drive; //   frame to sample, command to frame
 pub mod wire; //    bytes to meaning and back
+pub mod drive; //   frame to sample, command to frame
+pub mod control; // sample to command: loops, feed-forward, limits, profile
+pub mod door; //    orders in, records out
+pub mod cycle; //   the conductor: one period, the modes, the pace
