@@ -40,6 +40,11 @@ impl Wired {
         &mut self.rack
     }
 
+    /// The machine without its bus, to be wired otherwise.
+    pub fn into_rack(self) -> Rack {
+        self.rack
+    }
+
     /// Commission drives over this bus, in virtual time.
     pub fn commission(&mut self, drives: Drives<Configuring>) -> Result<Drives<Operational>, CommissionError> {
         // The rack answers at once or never: a clock that jumps ends a wait without an answer soon.
