@@ -12,7 +12,7 @@ use std::fmt;
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
 macro_rules! quantity {
-    ($(#[$doc:meta])* $name:ident, $si:literal, $make:ident, $read:ident $(, $unit:ident / $read_unit:ident = $factor:expr)*) => {
+    ($(#[$doc:meta])* $name:ident, $si:literal, $make:ident, $read:ident $(, $unit:ident / $read_unit:ident = $per:literal)*) => {
         $(#[$doc])*
         #[derive(Clone, Copy, Debug, Default, PartialEq, PartialOrd)]
         pub struct $name(f64);
@@ -24,11 +24,12 @@ macro_rules! quantity {
             pub const fn $make(value: f64) -> Self { Self(value) }
             #[doc = concat!("As a number of ", $si, ".")]
             pub const fn $read(self) -> f64 { self.0 }
+            // Units per SI unit are whole numbers, so a round trip is as good as it can be.
             $(
                 #[doc = concat!("From a number of `", stringify!($unit), "`.")]
-                pub const fn $unit(value: f64) -> Self { Self(value * $factor) }
+                pub const fn $unit(value: f64) -> Self { Self(value / $per) }
                 #[doc = concat!("As a number of `", stringify!($unit), "`.")]
-                pub const fn $read_unit(self) -> f64 { self.0 / $factor }
+                pub const fn $read_unit(self) -> f64 { self.0 * $per }
             )*
             /// Magnitude.
             pub const fn abs(self) -> Self { Self(self.0.abs()) }
@@ -58,11 +59,11 @@ macro_rules! quantity {
 
 quantity!(
     /// Where along its travel an axis is, or a distance along it.
-    Position, "m", m, as_m, mm / as_mm = 1e-3, um / as_um = 1e-6
+    Position, "m", m, as_m, mm / as_mm = 1e3, um / as_um = 1e6
 );
 quantity!(
     /// Speed along the travel of an axis, signed.
-    Velocity, "m/s", m_per_s, as_m_per_s, mm_per_s / as_mm_per_s = 1e-3, mm_per_min / as_mm_per_min = 1e-3 / 60.0
+    Velocity, "m/s", m_per_s, as_m_per_s, mm_per_s / as_mm_per_s = 1e3, mm_per_min / as_mm_per_min = 60e3
 );
 quantity!(
     /// Rate of change of velocity along the travel.

@@ -1,1 +1,7 @@
-fn main() {}
+//! The tool. See `quadrant --help`.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    quadrant::cli::main()
+}

@@ -106,6 +106,10 @@ impl Machine {
     pub fn gain_set(&self, name: &str) -> Option<u8> {
         self.gain_sets.iter().position(|set| set == name).map(|index| index as u8)
     }
+    /// Names of the axes, in order.
+    pub fn axis_names(&self) -> Vec<String> {
+        self.axes.axes().map(|axis| AXIS_NAMES[axis.index()].to_owned()).collect()
+    }
     /// Gains of an axis in a set.
     pub fn gains(&self, axis: AxisId, set: u8) -> &control::Gains {
         &self.axes[axis].control.gain_sets[usize::from(set)]

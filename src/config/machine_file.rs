@@ -136,13 +136,16 @@ fn axes(section: &Section<'_>, cycle: &Cycle, sets: &[String], folder: Option<&P
             section.optional_section(name);
         }
     }
-    let axes = PerAxis::from_fn(count, |id| {
-        axis(section.section(AXIS_NAMES[id.index()]), cycle, sets, folder)
-    });
+    let axes =
+        PerAxis::from_fn(count, |id| axis(section.section(AXIS_NAMES[id.index()]), cycle, sets, folder));
     for (id, axis) in axes.iter() {
         if axes.iter().any(|(other, twin)| other < id && twin.node == axis.node) {
             let board = section.section(AXIS_NAMES[id.index()]).section("board");
-            board.object("node", format!("{} is another axis' node", axis.node.number()), "each axis has its own");
+            board.object(
+                "node",
+                format!("{} is another axis' node", axis.node.number()),
+                "each axis has its own",
+            );
         }
     }
     axes

@@ -8,6 +8,7 @@ mod assemble;
 pub mod bus_load;
 pub mod machine;
 mod machine_file;
+pub mod plan;
 pub mod problem;
 mod reader;
 mod sheet_file;

@@ -21,7 +21,13 @@ pub(super) struct Notes {
 
 impl Notes {
     /// Note a problem.
-    pub(super) fn add(&self, span: Range<usize>, key: &str, title: impl Into<String>, label: impl Into<String>) {
+    pub(super) fn add(
+        &self,
+        span: Range<usize>,
+        key: &str,
+        title: impl Into<String>,
+        label: impl Into<String>,
+    ) {
         let problem = Problem { span, key: key.to_owned(), title: title.into(), label: label.into() };
         self.problems.borrow_mut().push(problem);
     }

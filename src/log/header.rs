@@ -230,6 +230,12 @@ pub fn rfc3339(wall_ns: i64) -> String {
     format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}.{ns:09}Z")
 }
 
+/// A wall clock for the name of a file, to the millisecond: `20261121T084500.123Z`.
+pub fn file_stamp(wall_ns: i64) -> String {
+    let text = rfc3339(wall_ns).replace(['-', ':'], "");
+    text.get(..19).map_or_else(|| text.clone(), |short| format!("{short}Z"))
+}
+
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;

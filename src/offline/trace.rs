@@ -6,6 +6,8 @@
 //!
 //! Invariant: all columns have the same length; a missing cycle is a [`Gap`], never an invented row.
 
+use std::borrow::Borrow;
+
 use thiserror::Error;
 
 use crate::base::axis::AxisId;
@@ -158,15 +160,18 @@ impl Trace {
     ///
     /// # Errors
     /// When the records are fewer than two, out of order or of different machines.
-    pub fn from_records<'a>(records: impl IntoIterator<Item = &'a CycleRecord>) -> Result<Self, TraceError> {
+    pub fn from_records<R: Borrow<CycleRecord>>(
+        records: impl IntoIterator<Item = R>,
+    ) -> Result<Self, TraceError> {
         let mut rows = records.into_iter();
         let Some(first) = rows.next() else { return Err(TraceError::TooShort { records: 0 }) };
+        let first = *first.borrow();
         let mut trace = Self::empty(first.axes.count());
-        trace.push(first)?;
+        trace.push(&first)?;
         let mut last = first;
         for row in rows {
-            trace.push(row)?;
-            last = row;
+            last = *row.borrow();
+            trace.push(&last)?;
         }
         if trace.len() < 2 {
             return Err(TraceError::TooShort { records: trace.len() });

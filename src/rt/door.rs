@@ -78,6 +78,10 @@ impl RecordRing {
     pub fn has_room(&self) -> bool {
         self.ring.slots() > 0
     }
+    /// Whether nobody takes records any more.
+    pub fn is_abandoned(&self) -> bool {
+        self.ring.is_abandoned()
+    }
 }
 
 impl Records for RecordRing {
@@ -89,6 +93,20 @@ impl Records for RecordRing {
     }
     fn lost(&self) -> u64 {
         self.lost.load(Ordering::Relaxed)
+    }
+}
+
+/// The same records to two places, as a log and a live view; losses are those of the first.
+#[derive(Debug)]
+pub struct Both<A, B>(pub A, pub B);
+
+impl<A: Records, B: Records> Records for Both<A, B> {
+    fn put(&mut self, record: &CycleRecord) {
+        self.0.put(record);
+        self.1.put(record);
+    }
+    fn lost(&self) -> u64 {
+        self.0.lost()
     }
 }
 

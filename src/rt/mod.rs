@@ -5,10 +5,7 @@
 //! Invariant: no heap after construction, no lock, no formatting, no panic path in what the cycle
 //! calls. `clippy.toml` lists what that forbids, and it is denied from here down.
 
-#![cfg_attr(
-    not(test),
-    deny(clippy::disallowed_macros, clippy::disallowed_methods, clippy::disallowed_types)
-)]
+#![cfg_attr(not(test), deny(clippy::disallowed_macros, clippy::disallowed_methods, clippy::disallowed_types))]
 
 pub mod bus; //     frames in and out
 pub mod control; // sample to command: loops, feed-forward, limits, profile

@@ -6,9 +6,11 @@
 //! Invariant: what crosses between the two sides are frames and nothing else.
 
 use super::rack::Rack;
+use crate::base::record::CycleRecord;
 use crate::base::time::{Moment, Span};
 use crate::rt::bus::memory::{self, End};
 use crate::rt::bus::{Bus, Frame, Received, SendError};
+use crate::rt::door::{RecordRing, Records};
 use crate::rt::drive::commission::{CommissionError, CommissionSettings};
 use crate::rt::drive::{Configuring, Drives, Operational};
 
@@ -46,7 +48,10 @@ impl Wired {
     }
 
     /// Commission drives over this bus, in virtual time.
-    pub fn commission(&mut self, drives: Drives<Configuring>) -> Result<Drives<Operational>, CommissionError> {
+    pub fn commission(
+        &mut self,
+        drives: Drives<Configuring>,
+    ) -> Result<Drives<Operational>, CommissionError> {
         // The rack answers at once or never: a clock that jumps ends a wait without an answer soon.
         let mut now = Moment::ZERO;
         let clock = || {
@@ -54,6 +59,22 @@ impl Wired {
             now
         };
         drives.commission(self, CommissionSettings::default(), clock)
+    }
+}
+
+/// Records that are waited for: in virtual time nothing needs to be lost.
+#[derive(Debug)]
+pub struct Patient(pub RecordRing);
+
+impl Records for Patient {
+    fn put(&mut self, record: &CycleRecord) {
+        while !self.0.has_room() && !self.0.is_abandoned() {
+            std::thread::yield_now();
+        }
+        self.0.put(record);
+    }
+    fn lost(&self) -> u64 {
+        self.0.lost()
     }
 }
 

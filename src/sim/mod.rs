@@ -4,5 +4,5 @@
 //! Invariant: no wall clock, no socket; everything random has a seed.
 
 pub mod board; //   a board and its drive, seen from the bus
-pub mod rack; //    all boards of a machine, each with its plant
-pub mod closed_loop; // the shipped cycle and a rack in one process
+pub mod closed_loop;
+pub mod rack; //    all boards of a machine, each with its plant // the shipped cycle and a rack in one process

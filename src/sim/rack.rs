@@ -5,8 +5,8 @@
 //! sensors show. Between two SYNCs boards hear commands and parameter requests at the time of the last.
 //! Invariant: its time is the cycle number in the SYNC, so it is the same at any speed of the host.
 
-use rand::SeedableRng;
 use rand::RngExt;
+use rand::SeedableRng;
 use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64Mcg;
 

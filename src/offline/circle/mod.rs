@@ -9,6 +9,7 @@
 
 pub mod deviation;
 pub mod fit;
+pub mod paper;
 pub mod path;
 pub mod protrusion;
 

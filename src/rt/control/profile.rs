@@ -73,7 +73,16 @@ impl CircleMotion {
     }
     /// Where the motion begins: ahead of the evaluated part by run-up and run-in.
     pub fn start(&self) -> (Position, Position) {
-        let (sin, cos) = libm::sincos(self.angle_rad(0.0));
+        self.place(0.0)
+    }
+    /// Where the motion ends.
+    pub fn end(&self) -> (Position, Position) {
+        let steady_s = self.run_in_s + self.circle.duration_s() + self.run_out_s;
+        let way_m = self.circle.feed.as_m_per_s() * (steady_s + self.rise_s());
+        self.place(way_m)
+    }
+    fn place(&self, way_m: f64) -> (Position, Position) {
+        let (sin, cos) = libm::sincos(self.angle_rad(way_m));
         (self.circle.centre_x + self.circle.radius * cos, self.circle.centre_y + self.circle.radius * sin)
     }
     /// From the start of the motion to the start of its evaluated part, s.
@@ -90,6 +99,11 @@ impl CircleMotion {
         let inward = feed * feed / self.radius_m();
         Acceleration::m_per_s2(inward.hypot(self.acceleration.as_m_per_s2()))
     }
+}
+
+/// How long a straight move over a way takes, s.
+pub fn line_duration_s(way: Position, feed: Velocity, acceleration: Acceleration) -> f64 {
+    Pace::over(way.as_m(), feed.as_m_per_s(), acceleration).duration_s()
 }
 
 fn rise_s(feed_m_per_s: f64, acceleration: Acceleration) -> f64 {

@@ -13,6 +13,7 @@ pub mod bucket;
 pub mod mode;
 pub mod pace;
 pub mod procedure;
+pub mod standby;
 mod verdict;
 
 use crate::base::axis::PerAxis;
@@ -154,10 +155,12 @@ impl Cycle {
             let observation = &observed[axis];
             let limits = self.loops[axis].limits();
             let expected = self.loops[axis].expected();
-            let own = verdict::of_link(observation, *mode, self.is_send_refused, &self.settings).or_else(|| {
-                let is_energised = mode.is_energised();
-                is_energised.then(|| limits.violation(&observation.sample, expected.expected_position()))?
-            });
+            let own =
+                verdict::of_link(observation, *mode, self.is_send_refused, &self.settings).or_else(|| {
+                    let is_energised = mode.is_energised();
+                    is_energised
+                        .then(|| limits.violation(&observation.sample, expected.expected_position()))?
+                });
             let shared = is_overrun.then_some(Fault::Overrun).or(any_fault.then_some(Fault::OtherAxis));
             let sight = Sight {
                 now,
@@ -209,8 +212,7 @@ impl Cycle {
         record.cycle = slot.number;
         record.timing = slot.timing;
         record.overruns = slot.overruns;
-        record.stage =
-            Stage { is_measured: self.profile.is_measured(slot.timing.scheduled), ..record.stage };
+        record.stage = Stage { is_measured: self.profile.is_measured(slot.timing.scheduled), ..record.stage };
         for (axis, row) in record.axes.iter_mut() {
             row.mode = self.modes[axis].tag();
             row.fault = self.modes[axis].fault();

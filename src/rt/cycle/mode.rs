@@ -116,9 +116,7 @@ impl Mode {
             Self::Enabling { since } => self.enabling(since, sight, patience),
             Self::Ready => match sight.fault {
                 Some(fault) => Self::on_fault(fault, sight.now),
-                None if sight.wish == Wish::Disable => {
-                    Self::Stopping { since: sight.now, then: Rest::Off }
-                }
+                None if sight.wish == Wish::Disable => Self::Stopping { since: sight.now, then: Rest::Off },
                 None if sight.motion_is_running => Self::Moving,
                 None => Self::Ready,
             },
@@ -285,8 +283,7 @@ mod tests {
 
     #[test]
     fn a_worse_fault_while_stopping_cuts_the_current_and_the_first_keeps_its_name() {
-        let stopping =
-            Mode::Stopping { since: Moment::ZERO, then: Rest::Faulted(Fault::FollowingError) };
+        let stopping = Mode::Stopping { since: Moment::ZERO, then: Rest::Faulted(Fault::FollowingError) };
         let worse = Sight { fault: Some(Fault::Overspeed), is_standing: false, ..CALM };
         assert_eq!(stopping.next(&worse, &PATIENCE), Mode::Faulted { by: Fault::FollowingError });
     }

@@ -48,7 +48,11 @@ impl Pace for Virtual {
         let number = self.next;
         self.next += 1;
         let scheduled = Moment::ZERO + self.period * number as i64;
-        Slot { number, timing: Timing { scheduled, woke: scheduled, previous_finished: scheduled }, overruns: 0 }
+        Slot {
+            number,
+            timing: Timing { scheduled, woke: scheduled, previous_finished: scheduled },
+            overruns: 0,
+        }
     }
     fn finish(&mut self) {}
 }
@@ -73,15 +77,9 @@ pub fn monotonic_now() -> Moment {
 }
 
 impl Wall {
-    /// A grid of `period` that starts one period from now.
-    pub fn new(period: Span) -> Self {
-        let now = monotonic_now();
-        Self { period, origin: now + period, next: 0, overruns: 0, finished: now }
-    }
-
-    /// Moment zero of the run, on the monotonic clock.
-    pub const fn origin(&self) -> Moment {
-        self.origin
+    /// A grid of `period` whose first slot is at `origin` on the monotonic clock: moment zero of the run.
+    pub const fn starting_at(origin: Moment, period: Span) -> Self {
+        Self { period, origin, next: 0, overruns: 0, finished: origin }
     }
 
     /// Move past the slots that are already over, at `now`; returns where the next one stands.
@@ -99,7 +97,8 @@ impl Pace for Wall {
         let scheduled = self.skip(monotonic_now());
         let until = TimeSpec::new(scheduled.as_ns() / 1_000_000_000, scheduled.as_ns() % 1_000_000_000);
         // A signal may wake us early; the absolute time makes waiting again exact.
-        while clock_nanosleep(ClockId::CLOCK_MONOTONIC, ClockNanosleepFlags::TIMER_ABSTIME, &until).is_err() {}
+        while clock_nanosleep(ClockId::CLOCK_MONOTONIC, ClockNanosleepFlags::TIMER_ABSTIME, &until).is_err() {
+        }
         let woke = monotonic_now();
         let since_origin = |moment: Moment| Moment::ZERO + (moment - self.origin);
         let timing = Timing {
@@ -125,8 +124,7 @@ mod tests {
 
     #[test]
     fn late_slots_are_skipped_and_counted() {
-        let mut pace =
-            Wall { period: PERIOD, origin: Moment::ns(1_000), next: 4, overruns: 0, finished: Moment::ZERO };
+        let mut pace = Wall { next: 4, ..Wall::starting_at(Moment::ns(1_000), PERIOD) };
         let due = pace.origin + PERIOD * 4;
         assert_eq!(pace.skip(due - Span::us(3)), due, "early");
         assert_eq!(pace.skip(due + Span::us(499)), due, "late within the slot: it still runs");
@@ -137,7 +135,7 @@ mod tests {
 
     #[test]
     fn the_wall_grid_is_absolute() {
-        let mut pace = Wall::new(PERIOD);
+        let mut pace = Wall::starting_at(monotonic_now() + PERIOD, PERIOD);
         for _ in 0..20 {
             let slot = pace.wait();
             assert_eq!(slot.timing.scheduled, Moment::ZERO + PERIOD * slot.number as i64);

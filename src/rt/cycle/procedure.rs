@@ -11,8 +11,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use crate::base::axis::AxisId;
 use crate::base::fault::Fault;
 use crate::base::record::{CycleRecord, ModeTag};
-use crate::base::units::Velocity;
-use crate::rt::control::profile::{CircleMotion, LineMotion};
+use crate::base::units::{Position, Velocity};
+use crate::rt::control::profile::{CircleMotion, LineMotion, line_duration_s};
 use crate::rt::door::{Order, Orders};
 
 /// Most circles of one test: one each way.
@@ -27,6 +27,21 @@ pub struct CircleTest {
     pub circles: [Option<CircleMotion>; CIRCLES_MAX],
     /// On the way to the start of a circle.
     pub positioning_feed: Velocity,
+}
+
+impl CircleTest {
+    /// How long the motions take from both axes at zero, s; enabling and settling come on top.
+    pub fn duration_s(&self) -> f64 {
+        let mut place = (Position::ZERO, Position::ZERO);
+        let mut sum_s = 0.0;
+        for circle in self.circles.iter().flatten() {
+            let start = circle.start();
+            let way = Position::m((start.0 - place.0).as_m().hypot((start.1 - place.1).as_m()));
+            sum_s += line_duration_s(way, self.positioning_feed, circle.acceleration) + circle.duration_s();
+            place = circle.end();
+        }
+        sum_s
+    }
 }
 
 /// How far it has come.
@@ -87,7 +102,11 @@ impl CircleProcedure {
         let mut target = last.axes.map(|_, axis| axis.setpoint.position);
         target[AxisId::X] = x;
         target[AxisId::Y] = y;
-        Order::Line(LineMotion { target, feed: self.test.positioning_feed, acceleration: circle.acceleration })
+        Order::Line(LineMotion {
+            target,
+            feed: self.test.positioning_feed,
+            acceleration: circle.acceleration,
+        })
     }
 
     /// The step after `circle`, or the first.

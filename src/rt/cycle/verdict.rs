@@ -25,7 +25,8 @@ pub(super) fn of_link(
         Some(Fault::BoardReset)
     } else if flags.contains(BoardFlags::WATCHDOG_TRIPPED) {
         Some(Fault::BoardWatchdog)
-    } else if drive_is_in(&[DriveState::Fault, DriveState::FaultReactionActive]) || events.emergency.is_some() {
+    } else if drive_is_in(&[DriveState::Fault, DriveState::FaultReactionActive]) || events.emergency.is_some()
+    {
         Some(Fault::DriveFault)
     } else if sample.freshness == Freshness::Never || sample.age_cycles > settings.stale_cycles_max {
         Some(Fault::FeedbackLost)

@@ -1,0 +1,249 @@
+//! Runs the test: the cycle on its thread, the log on another, the friction-free twin on a third, and
+//! this one shows the progress.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::thread;
+use std::time::{Duration, Instant, SystemTime};
+
+use anyhow::Context;
+use indicatif::{ProgressBar, ProgressStyle};
+use serde_json::{Value, json};
+
+use crate::base::record::CycleRecord;
+use crate::base::time::{Moment, Span};
+use crate::cli::VERSION;
+use crate::config::Machine;
+use crate::config::plan::CircleRequest;
+use crate::log::header::file_stamp;
+use crate::log::{Header, Pace, WriteOutcome, Writer};
+use crate::offline::trace::Trace;
+use crate::rt::cycle::pace::{Virtual, Wall, monotonic_now};
+use crate::rt::cycle::procedure::{CircleProcedure, CircleTest, Ending};
+use crate::rt::cycle::{Cycle, conduct};
+use crate::rt::door::{Both, record_ring};
+use crate::sim::closed_loop::{Patient, Wired};
+
+/// Records on their way to the disk: seconds of a cycle at 2 kHz, so that a slow disk loses nothing.
+const RING_RECORDS: usize = 8_192;
+/// From here to the first slot of a realtime run: time to start the threads.
+const LEAD: Span = Span::ms(50);
+
+/// When a run starts, on both clocks.
+pub(super) struct Start {
+    pub(super) pace: Pace,
+    monotonic: Moment,
+    wall_ns: i64,
+}
+
+impl Start {
+    pub(super) fn now(pace: Pace) -> Self {
+        let since_epoch = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
+        let wall_ns = since_epoch.as_nanos() as i64;
+        let monotonic = monotonic_now();
+        Self { pace, monotonic: monotonic + LEAD, wall_ns: wall_ns + LEAD.as_ns() }
+    }
+
+    /// As a part of a file name.
+    pub(super) fn stamp(&self) -> String {
+        file_stamp(self.wall_ns)
+    }
+}
+
+/// What a run left behind.
+pub(super) struct Recording {
+    pub(super) ending: Ending,
+    /// Every cycle.
+    pub(super) trace: Trace,
+    /// The same test without friction.
+    pub(super) twin: Option<Trace>,
+    pub(super) lost_records: u64,
+    pub(super) log: WriteOutcome,
+    pub(super) header: Header,
+    /// How long it took, and how long the machine's clock ran, s.
+    pub(super) wall_s: f64,
+    pub(super) machine_s: f64,
+}
+
+/// Run the test on the simulated machine.
+pub(super) fn record(
+    machine: &Machine,
+    request: &CircleRequest,
+    test: &CircleTest,
+    start: &Start,
+    seed: u64,
+    log: &Path,
+) -> anyhow::Result<Recording> {
+    let began = Instant::now();
+    let stop_wish = Arc::new(AtomicBool::new(false));
+    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
+        // The second one ends the program at once.
+        signal_hook::flag::register_conditional_shutdown(signal, 130, Arc::clone(&stop_wish))?;
+        signal_hook::flag::register(signal, Arc::clone(&stop_wish))?;
+    }
+    let mut bus = Wired::new(machine.rack(seed));
+    let drives = bus.commission(machine.drives()?)?;
+    let mut cycle = Cycle::new(machine.cycle_settings(), drives, &machine.control_settings());
+
+    let header = header(machine, request, test, start, seed);
+    let (to_log, log_drain) = record_ring(RING_RECORDS);
+    let (to_trace, trace_drain) = record_ring(RING_RECORDS);
+    let (cycles, lost) = (Arc::clone(&log_drain.cycles), Arc::clone(&log_drain.lost));
+    let writer = Writer::start(log, header.clone(), log_drain.ring, log_drain.lost)?;
+    let tracer = thread::spawn(move || Trace::from_records(records(trace_drain.ring)));
+    let twin = {
+        let (machine, test, stop) = (machine.clone().without_friction(), *test, Arc::clone(&stop_wish));
+        thread::spawn(move || twin(&machine, test, seed, stop))
+    };
+
+    let bar = ProgressWatch::start(cycles, test.duration_s(), machine.cycle.period);
+    let mut orders = CircleProcedure::new(*test, Arc::clone(&stop_wish));
+    let (origin, period, is_virtual) = (start.monotonic, machine.cycle.period, start.pace == Pace::Virtual);
+    let conductor = thread::Builder::new().name("cycle".to_owned()).spawn(move || {
+        if is_virtual {
+            let mut records = Both(Patient(to_log), Patient(to_trace));
+            conduct(&mut cycle, &mut bus, &mut Virtual::new(period), &mut orders, &mut records);
+        } else {
+            let mut records = Both(to_log, to_trace);
+            conduct(&mut cycle, &mut bus, &mut Wall::starting_at(origin, period), &mut orders, &mut records);
+        }
+        orders.ending()
+    })?;
+    let ending = joined(conductor);
+    bar.finish();
+    let trace = joined(tracer).context("the run left no trace")?;
+    let log = writer.join();
+    let wall_s = began.elapsed().as_secs_f64();
+    Ok(Recording {
+        ending,
+        twin: joined(twin)?,
+        lost_records: lost.load(Ordering::Relaxed),
+        machine_s: trace.len() as f64 * period.as_s(),
+        trace,
+        log,
+        header,
+        wall_s,
+    })
+}
+
+/// The friction-free response of the same loop: the same test on the same machine without friction.
+/// None when it did not complete.
+pub(super) fn twin(
+    machine: &Machine,
+    test: CircleTest,
+    seed: u64,
+    stop_wish: Arc<AtomicBool>,
+) -> anyhow::Result<Option<Trace>> {
+    let mut bus = Wired::new(machine.rack(seed));
+    let drives = bus.commission(machine.drives()?)?;
+    let mut cycle = Cycle::new(machine.cycle_settings(), drives, &machine.control_settings());
+    let (ring, drain) = record_ring(RING_RECORDS);
+    let tracer = thread::spawn(move || Trace::from_records(records(drain.ring)));
+    let mut orders = CircleProcedure::new(test, stop_wish);
+    let mut records = Patient(ring);
+    let mut grid = Virtual::new(machine.cycle.period);
+    conduct(&mut cycle, &mut bus, &mut grid, &mut orders, &mut records);
+    drop(records);
+    let trace = joined(tracer)?;
+    Ok((orders.ending() == Ending::Complete).then_some(trace))
+}
+
+/// Records as they come, until their producer is gone.
+fn records(mut ring: rtrb::Consumer<CycleRecord>) -> impl Iterator<Item = CycleRecord> {
+    std::iter::from_fn(move || {
+        loop {
+            // Asked first, so that what the producer left behind is still taken.
+            let is_over = ring.is_abandoned();
+            match ring.pop() {
+                Ok(record) => return Some(record),
+                Err(_empty) if is_over => return None,
+                Err(_empty) => thread::sleep(Duration::from_micros(200)),
+            }
+        }
+    })
+}
+
+/// A thread's result; its panic goes on here.
+fn joined<T>(thread: thread::JoinHandle<T>) -> T {
+    thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+}
+
+fn header(machine: &Machine, request: &CircleRequest, test: &CircleTest, start: &Start, seed: u64) -> Header {
+    let motions: BTreeMap<u32, Value> = test
+        .circles
+        .iter()
+        .flatten()
+        .enumerate()
+        .flat_map(|(index, motion)| {
+            // The procedure orders a straight move, then the circle.
+            let number = 2 * index as u32 + 1;
+            let circle = &motion.circle;
+            let description = json!({
+                "kind": "circle",
+                "direction": circle.direction,
+                "centre_x_mm": circle.centre_x.as_mm(),
+                "centre_y_mm": circle.centre_y.as_mm(),
+                "radius_mm": circle.radius.as_mm(),
+                "feed_mm_per_min": circle.feed.as_mm_per_min(),
+                "start_angle_deg": circle.start_angle_rad.to_degrees(),
+                "revolutions": circle.revolutions,
+            });
+            [(number, json!({ "kind": "line" })), (number + 1, description)]
+        })
+        .collect();
+    Header {
+        project_version: env!("CARGO_PKG_VERSION").to_owned(),
+        commit: env!("QUADRANT_COMMIT").to_owned(),
+        machine_name: machine.name.clone(),
+        machine_text: machine.text.clone(),
+        seed,
+        pace: start.pace,
+        wall_at_zero_ns: start.wall_ns,
+        axes: machine.axis_names(),
+        period: machine.cycle.period,
+        gain_sets: machine.gain_sets.clone(),
+        motions,
+        extra: BTreeMap::from([
+            ("gains".to_owned(), request.gains.clone()),
+            ("program".to_owned(), format!("quadrant {VERSION}")),
+        ]),
+    }
+}
+
+/// A progress bar that looks at the cycle counter from time to time.
+struct ProgressWatch {
+    bar: ProgressBar,
+    is_over: Arc<AtomicBool>,
+    thread: thread::JoinHandle<()>,
+}
+
+impl ProgressWatch {
+    fn start(cycles: Arc<AtomicU64>, expected_s: f64, period: Span) -> Self {
+        let ms_per_cycle = period.as_us() * 1e-3;
+        let bar = ProgressBar::new((expected_s * 1e3) as u64);
+        let style = ProgressStyle::with_template("{msg} {wide_bar} {percent:>3} %  {prefix}  left {eta}");
+        if let Ok(style) = style {
+            bar.set_style(style);
+        }
+        bar.set_message("circular test");
+        let is_over = Arc::new(AtomicBool::new(false));
+        let (watched, over) = (bar.clone(), Arc::clone(&is_over));
+        let thread = thread::spawn(move || {
+            while !over.load(Ordering::Relaxed) {
+                let machine_ms = cycles.load(Ordering::Relaxed) as f64 * ms_per_cycle;
+                watched.set_position(machine_ms as u64);
+                watched.set_prefix(format!("{:.1} s of {expected_s:.1} s", machine_ms * 1e-3));
+                thread::sleep(Duration::from_millis(50));
+            }
+        });
+        Self { bar, is_over, thread }
+    }
+
+    fn finish(self) {
+        self.is_over.store(true, Ordering::Relaxed);
+        joined(self.thread);
+        self.bar.finish_and_clear();
+    }
+}

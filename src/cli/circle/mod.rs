@@ -1,0 +1,150 @@
+//! `quadrant circle`: a circular test on the simulated machine, or the judgement of one from its log.
+//!
+//! Everything that can be refused is refused before an axis is enabled: the machine file, the test
+//! against travel and limits, the folder and the log. What happens after that is always reported.
+
+mod live;
+mod report;
+
+use std::path::PathBuf;
+
+use anyhow::Context;
+use clap::{Args, ValueEnum};
+
+use super::{Outcome, machine};
+use crate::base::motion::{Circle, Direction};
+use crate::base::units::{Position, Velocity};
+use crate::config::plan::CircleRequest;
+use crate::log::Pace;
+use crate::rt::cycle::procedure::Ending;
+
+#[derive(Debug, Args)]
+pub(super) struct Arguments {
+    /// Machine file, or an embedded machine: reference, paper
+    #[arg(long, default_value = "reference", value_name = "FILE|NAME")]
+    machine: String,
+    /// Gain set of the machine file
+    #[arg(long, default_value = "standard", value_name = "NAME")]
+    gains: String,
+    /// Radius of the circle
+    #[arg(long, default_value_t = 150.0, value_name = "MM")]
+    radius_mm: f64,
+    /// Feed along the circle
+    #[arg(long, default_value_t = 2000.0, value_name = "MM/MIN")]
+    feed_mm_per_min: f64,
+    /// Sense of rotation
+    #[arg(long, value_enum, default_value_t = Sense::Both)]
+    direction: Sense,
+    /// Turns evaluated in each direction
+    #[arg(long, default_value_t = 1, value_name = "N")]
+    revolutions: u32,
+    /// Centre of the circle, X; zero is where the axis stands at start
+    #[arg(long, default_value_t = 0.0, value_name = "MM", allow_negative_numbers = true)]
+    centre_x_mm: f64,
+    /// Centre of the circle, Y
+    #[arg(long, default_value_t = 0.0, value_name = "MM", allow_negative_numbers = true)]
+    centre_y_mm: f64,
+    /// Where the evaluated turns start, counter-clockwise from +X
+    #[arg(long, default_value_t = 45.0, value_name = "DEG", allow_negative_numbers = true)]
+    start_angle_deg: f64,
+    /// As fast as the processor allows, or on the wall clock
+    #[arg(long, value_enum, default_value_t = PaceName::Virtual)]
+    pace: PaceName,
+    /// Seed of everything random: encoder counters at power-on, noise
+    #[arg(long, default_value_t = 1, value_name = "N")]
+    seed: u64,
+    /// Folder for log and report [default: a new folder under quadrant-out]
+    #[arg(long, value_name = "FOLDER")]
+    out: Option<PathBuf>,
+    /// Write the log to this file instead of one in the folder
+    #[arg(long, value_name = "FILE")]
+    log: Option<PathBuf>,
+    /// Judge the circular test in this log instead of running one
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["machine", "gains", "pace", "seed", "log"])]
+    from: Option<PathBuf>,
+    /// Print one JSON object instead of the table
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Sense {
+    Cw,
+    Ccw,
+    Both,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum PaceName {
+    Virtual,
+    Realtime,
+}
+
+impl PaceName {
+    const fn pace(self) -> Pace {
+        match self {
+            Self::Virtual => Pace::Virtual,
+            Self::Realtime => Pace::Realtime,
+        }
+    }
+}
+
+impl Arguments {
+    fn request(&self) -> CircleRequest {
+        let directions = match self.direction {
+            Sense::Cw => vec![Direction::Cw],
+            Sense::Ccw => vec![Direction::Ccw],
+            Sense::Both => vec![Direction::Ccw, Direction::Cw],
+        };
+        let circle = Circle {
+            centre_x: Position::mm(self.centre_x_mm),
+            centre_y: Position::mm(self.centre_y_mm),
+            radius: Position::mm(self.radius_mm),
+            feed: Velocity::mm_per_min(self.feed_mm_per_min),
+            direction: directions[0],
+            start_angle_rad: self.start_angle_deg.to_radians(),
+            revolutions: self.revolutions,
+        };
+        CircleRequest { gains: self.gains.clone(), circle, directions }
+    }
+}
+
+pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
+    if let Some(log) = &arguments.from {
+        return report::of_log(log, arguments.out.as_deref(), arguments.json);
+    }
+    let machine = machine(&arguments.machine)?;
+    let request = arguments.request();
+    let test = machine.circle_test(&request)?;
+    let started = live::Start::now(arguments.pace.pace());
+    let folder = match &arguments.out {
+        Some(folder) => folder.clone(),
+        None => PathBuf::from("quadrant-out").join(format!(
+            "{}-circle-{}-{}",
+            started.stamp(),
+            machine.name,
+            request.gains
+        )),
+    };
+    std::fs::create_dir_all(&folder)
+        .with_context(|| format!("cannot create the output folder {}", folder.display()))?;
+    let log =
+        arguments.log.clone().unwrap_or_else(|| folder.join(format!("circle-{}.mcap", started.stamp())));
+
+    let recording = live::record(&machine, &request, &test, &started, arguments.seed, &log)?;
+    let outcome = match recording.ending {
+        Ending::Complete => report::of_recording(&machine, &request, &recording, &folder, arguments.json)?,
+        Ending::Interrupted => {
+            eprintln!("interrupted: the axes were stopped along their path and disabled");
+            Outcome::NotDone
+        }
+        Ending::Faulted(axis, fault) => {
+            eprintln!("axis {axis}: {fault}; see docs/faults/{:02}-{}.md", fault.number(), fault.name());
+            Outcome::NotDone
+        }
+    };
+    if outcome == Outcome::NotDone {
+        eprintln!("the log is kept: {}", recording.log.path.display());
+    }
+    Ok(report::with_losses(outcome, &recording.log, recording.lost_records))
+}

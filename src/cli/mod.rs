@@ -1,0 +1,97 @@
+//! The verbs of the tool, one file each. Results go to stdout, talk to stderr.
+//!
+//! Exit codes: 0 done; 1 done, but something is missing (records lost, report not written, a log cut
+//! off); 2 not done (bad input, a fault, interrupted).
+//! Invariant: no arithmetic here; what is printed was computed below.
+
+mod check;
+mod circle;
+mod log;
+mod view;
+
+use std::io::IsTerminal;
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+use crate::config::{self, LoadError, Machine};
+
+/// Version and commit, as in logs and reports.
+pub const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), " (", env!("QUADRANT_COMMIT"), ")");
+
+/// Circular tests, checks and logs of ball-screw axes.
+#[derive(Debug, Parser)]
+#[command(name = "quadrant", version = VERSION, about, max_term_width = 100)]
+#[command(after_help = "Exit codes: 0 done; 1 done, but something is missing (records lost, report not \
+written, log cut off); 2 not done (bad input, a fault, interrupted).")]
+struct Arguments {
+    #[command(subcommand)]
+    verb: Verb,
+}
+
+#[derive(Debug, Subcommand)]
+enum Verb {
+    /// Run a circular test (ISO 230-4) and show the circle, or judge one from its log
+    Circle(circle::Arguments),
+    /// Check a machine file and print what it implies
+    Check(check::Arguments),
+    /// Summarise, export or recover a log
+    Log(log::Arguments),
+}
+
+/// How a verb ended, unless by an error.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Outcome {
+    /// As asked.
+    Done,
+    /// Something is missing; it was said on stderr.
+    Incomplete,
+    /// Not as asked; it was said on stderr.
+    NotDone,
+}
+
+/// Entry point of `quadrant`.
+pub fn main() -> ExitCode {
+    let arguments = Arguments::parse();
+    let outcome = match arguments.verb {
+        Verb::Circle(arguments) => circle::run(&arguments),
+        Verb::Check(arguments) => check::run(&arguments),
+        Verb::Log(arguments) => log::run(&arguments),
+    };
+    match outcome {
+        Ok(Outcome::Done) => ExitCode::SUCCESS,
+        Ok(Outcome::Incomplete) => ExitCode::from(1),
+        Ok(Outcome::NotDone) => ExitCode::from(2),
+        Err(error) => {
+            eprintln!("{}", complaint(&error));
+            ExitCode::from(2)
+        }
+    }
+}
+
+/// An error for the terminal: problems of a file as a compiler shows them, others in one line.
+fn complaint(error: &anyhow::Error) -> String {
+    match error.downcast_ref::<LoadError>() {
+        Some(LoadError::Problems(problems)) => {
+            let count = problems.problems.len();
+            let plural = if count == 1 { "problem" } else { "problems" };
+            let rendered = problems.render(std::io::stderr().is_terminal());
+            format!("{rendered}\n{}: {count} {plural}, so there is no machine", problems.file)
+        }
+        Some(LoadError::Unreadable { .. }) | None => format!("error: {error:#}"),
+    }
+}
+
+/// The machine of `--machine`.
+fn machine(name_or_path: &str) -> anyhow::Result<Machine> {
+    Ok(config::load(name_or_path)?)
+}
+
+/// Print a value as one JSON object.
+fn print_json(value: &impl serde::Serialize) -> anyhow::Result<()> {
+    use std::io::Write;
+    let text = serde_json::to_string_pretty(value)?;
+    // A closed pipe (`| head`) is no error of ours.
+    let _ = writeln!(std::io::stdout(), "{text}");
+    Ok(())
+}

@@ -1,0 +1,121 @@
+//! Tables for the terminal.
+
+use comfy_table::{CellAlignment, Table, presets};
+
+use crate::log::{Header, Summary};
+use crate::offline::circle::{CircularTest, PointAnalysis, Quadrant};
+use crate::offline::report::TestSheet;
+
+/// A table with a left-hand column of names and right-aligned numbers.
+fn table(heads: &[&str]) -> Table {
+    let mut table = Table::new();
+    table.load_style(presets::NOTHING).set_header(heads);
+    for column in table.column_iter_mut().skip(1) {
+        column.set_cell_alignment(CellAlignment::Right);
+    }
+    table
+}
+
+fn um(value: f64) -> String {
+    format!("{value:.2}")
+}
+
+/// Result of a circular test.
+pub(super) fn circle_table(sheet: &TestSheet, test: &CircularTest) -> String {
+    let senses: Vec<&str> = test.motor.directions.iter().map(|run| run.direction.name()).collect();
+    let title = format!(
+        "Circular test on machine {}, {} gains: radius {} mm, {} mm/min, {}",
+        sheet.machine,
+        sheet.gains,
+        test.radius_mm,
+        test.feed_mm_per_min.round(),
+        senses.join(" and ")
+    );
+    let heads: Vec<&str> =
+        std::iter::once("um").chain(test.points().map(|point| point.point.name())).collect();
+    let mut rows = table(&heads);
+    let mut row = |name: String, value: &dyn Fn(&PointAnalysis) -> Option<f64>| {
+        let cells = test.points().map(|point| value(point).map_or("-".to_owned(), um));
+        rows.add_row(std::iter::once(name).chain(cells));
+    };
+    row("protrusion, highest".to_owned(), &|point| Some(point.protrusion_um.max));
+    for quadrant in Quadrant::ALL {
+        let name = format!("  at {} ({:.0} deg)", quadrant.label(), quadrant.angle_deg());
+        row(name, &|point| Some(point.protrusion_um.of_quadrant(quadrant)));
+    }
+    row("radius decrease".to_owned(), &|point| Some(point.radius_decrease_um));
+    row("circular deviation G".to_owned(), &|point| Some(point.circular_deviation_um));
+    row("bidirectional circular deviation G(b)".to_owned(), &|point| {
+        point.bidirectional_circular_deviation_um
+    });
+    for (index, sense) in senses.iter().enumerate() {
+        let values = move |point: &PointAnalysis| point.directions[index].values.clone();
+        row(format!("radial deviation F max, {sense}"), &|point| Some(values(point).radial_deviation_um_max));
+        row(format!("radial deviation F min, {sense}"), &|point| Some(values(point).radial_deviation_um_min));
+    }
+    let mut lines = format!("{title}\n\n{rows}\n");
+    if !sheet.expectations.is_empty() {
+        let mut rows = table(&["compared with the paper, um", "measured", "expected", "within", ""]);
+        for expectation in &sheet.expectations {
+            rows.add_row([
+                expectation.quantity.clone(),
+                um(expectation.measured_um),
+                format!("{:.1}", expectation.expected_um),
+                format!("{}", expectation.tolerance_um),
+                if expectation.is_met() { "yes" } else { "NO" }.to_owned(),
+            ]);
+        }
+        lines += &format!("\n{rows}\n");
+    }
+    lines += &format!(
+        "\n{} cycles, {} overruns, {} lost records ({})\n",
+        sheet.cycles, sheet.overruns, sheet.lost_records, sheet.pace
+    );
+    for note in &sheet.notes {
+        lines += &format!("note: {note}\n");
+    }
+    lines
+}
+
+/// What is in a log.
+pub(super) fn log_table(started: &str, header: &Header, summary: &Summary) -> String {
+    let mut facts = table(&["", ""]);
+    let mut fact = |name: &str, value: String| {
+        facts.add_row([name.to_owned(), value]);
+    };
+    fact("machine", header.machine_name.clone());
+    fact("program", format!("{} ({})", header.project_version, header.commit));
+    fact("started", started.to_owned());
+    fact("pace, seed", format!("{}, {}", header.pace.name(), header.seed));
+    fact("duration", format!("{:.3} s", summary.duration_s));
+    fact("cycles", format!("{} of {} us", summary.cycles, header.period.as_us()));
+    fact("missing cycles", format!("{} in {} gaps", summary.cycles_missing, summary.gaps));
+    fact("lost records", summary.lost_records.to_string());
+    fact("overruns", summary.overruns.to_string());
+    fact(
+        "wake-up error",
+        format!("99 %: {:.1} us, max {:.1} us", summary.wake_error_us_p99, summary.wake_error_us_max),
+    );
+    for (number, motion) in &header.motions {
+        fact(&format!("motion {number}"), motion.to_string());
+    }
+    let mut axes = table(&["axis", "following error, um", "current, A", "cycles by mode"]);
+    for axis in &summary.axes {
+        let modes: Vec<String> =
+            axis.cycles_by_mode.iter().map(|(mode, cycles)| format!("{mode} {cycles}")).collect();
+        axes.add_row([
+            axis.name.clone(),
+            format!("{:.1}", axis.following_error_um_max),
+            format!("{:.2}", axis.current_a_max),
+            modes.join(", "),
+        ]);
+    }
+    let mut lines = format!("{facts}\n\n{axes}");
+    for fault in &summary.faults {
+        lines += &format!(
+            "\naxis {}: fault {} ({}) in cycle {}, {:.4} s",
+            fault.axis, fault.number, fault.name, fault.cycle, fault.at_s
+        );
+    }
+    lines
+}

@@ -1,0 +1,184 @@
+//! The daemon around the cycle: start-up in order, a real-time thread, its log, and an orderly end.
+//!
+//! ```text
+//!   machine file ─► commission ─► log ─► cycle thread ─┬─ watch: cycles advance, losses, overruns
+//!                                                      └─ SIGTERM, SIGINT: come to rest, current off
+//! ```
+//!
+//! It runs against the simulated machine, on the wall clock. It gives no motion of its own: axes are
+//! without current, or hold their position with `--hold`.
+//! Invariant: the cycle thread ends only with every axis at rest; a signal asks it to.
+
+mod watch;
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::SystemTime;
+
+use anyhow::Context;
+use clap::Parser;
+use tokio::signal::unix::{SignalKind, signal};
+use tracing::{error, info};
+
+use crate::base::record::CycleRecord;
+use crate::base::time::Span;
+use crate::config::{self, Machine};
+use crate::log::{Header, Pace, WriteOutcome, Writer, header};
+use crate::rt::cycle::pace::{Wall, monotonic_now};
+use crate::rt::cycle::standby::Standby;
+use crate::rt::cycle::{Cycle, conduct};
+use crate::rt::door::{RecordRing, record_ring};
+use crate::sim::closed_loop::Wired;
+
+/// Records on their way to the disk: four seconds of a cycle at 2 kHz.
+const RING_RECORDS: usize = 8_192;
+/// From the start of the threads to the first slot.
+const LEAD: Span = Span::ms(50);
+/// Version and commit, as in logs.
+const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), " (", env!("QUADRANT_COMMIT"), ")");
+
+/// The control cycle as a service, against the simulated machine.
+#[derive(Debug, Parser)]
+#[command(name = "quadrantd", version = VERSION, about, max_term_width = 100)]
+struct Arguments {
+    /// Machine file, or an embedded machine: reference, paper
+    #[arg(long, default_value = "reference", value_name = "FILE|NAME")]
+    machine: String,
+    /// Folder for logs
+    #[arg(long, default_value = "quadrant-out", value_name = "FOLDER")]
+    logs: PathBuf,
+    /// Enable the axes and hold their position
+    #[arg(long)]
+    hold: bool,
+    /// Seed of the simulated machine
+    #[arg(long, default_value_t = 1, value_name = "N")]
+    seed: u64,
+}
+
+/// Entry point of `quadrantd`.
+pub fn main() -> ExitCode {
+    let arguments = Arguments::parse();
+    let filter = tracing_subscriber::EnvFilter::try_from_default_env()
+        .unwrap_or_else(|_unset| tracing_subscriber::EnvFilter::new("info"));
+    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).init();
+    match serve(&arguments) {
+        Ok(true) => ExitCode::SUCCESS,
+        Ok(false) => ExitCode::from(1),
+        Err(cause) => {
+            error!("{cause:#}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+/// What the threads share with the watch.
+struct Shared {
+    stop_wish: Arc<AtomicBool>,
+    cycles: Arc<AtomicU64>,
+    lost: Arc<AtomicU64>,
+}
+
+/// Run until a signal; whether everything is in the log and no axis faulted.
+fn serve(arguments: &Arguments) -> anyhow::Result<bool> {
+    let machine = config::load(&arguments.machine)?;
+    let mut bus = Wired::new(machine.rack(arguments.seed));
+    let drives = bus.commission(machine.drives()?)?;
+    let mut cycle = Cycle::new(machine.cycle_settings(), drives, &machine.control_settings());
+    info!(machine = machine.name, axes = machine.axes.count(), "boards answer and match their sheets");
+
+    let (records, drain) = record_ring(RING_RECORDS);
+    let shared = Shared {
+        stop_wish: Arc::new(AtomicBool::new(false)),
+        cycles: Arc::clone(&drain.cycles),
+        lost: Arc::clone(&drain.lost),
+    };
+    let origin = monotonic_now() + LEAD;
+    let (path, header) = log_header(&machine, arguments)?;
+    let writer = Writer::start(&path, header, drain.ring, drain.lost)?;
+    info!(log = %path.display(), "logging every cycle");
+
+    let mut orders = Standby::new(arguments.hold, Arc::clone(&shared.stop_wish));
+    let period = machine.cycle.period;
+    let conductor = std::thread::Builder::new().name("cycle".to_owned()).spawn(move || {
+        let mut records = Last { ring: records, last: None };
+        conduct(&mut cycle, &mut bus, &mut Wall::starting_at(origin, period), &mut orders, &mut records);
+        records.last
+    })?;
+    wait_for_signal(&shared, period)?;
+    shared.stop_wish.store(true, Ordering::Relaxed);
+    let last = conductor.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+    Ok(report(last.as_ref(), &writer.join(), shared.lost.load(Ordering::Relaxed)))
+}
+
+fn log_header(machine: &Machine, arguments: &Arguments) -> anyhow::Result<(PathBuf, Header)> {
+    let since_epoch = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
+    let wall_at_zero_ns = since_epoch.as_nanos() as i64 + LEAD.as_ns();
+    let folder: &Path = &arguments.logs;
+    std::fs::create_dir_all(folder)
+        .with_context(|| format!("cannot create the log folder {}", folder.display()))?;
+    let path = folder.join(format!("quadrantd-{}.mcap", header::file_stamp(wall_at_zero_ns)));
+    let header = Header {
+        project_version: env!("CARGO_PKG_VERSION").to_owned(),
+        commit: env!("QUADRANT_COMMIT").to_owned(),
+        machine_name: machine.name.clone(),
+        machine_text: machine.text.clone(),
+        seed: arguments.seed,
+        pace: Pace::Realtime,
+        wall_at_zero_ns,
+        axes: machine.axis_names(),
+        period: machine.cycle.period,
+        gain_sets: machine.gain_sets.clone(),
+        motions: std::collections::BTreeMap::new(),
+        extra: [("program".to_owned(), format!("quadrantd {VERSION}"))].into(),
+    };
+    Ok((path, header))
+}
+
+/// The ring, and the last record for the report at the end.
+struct Last {
+    ring: RecordRing,
+    last: Option<CycleRecord>,
+}
+
+impl crate::rt::door::Records for Last {
+    fn put(&mut self, record: &CycleRecord) {
+        self.ring.put(record);
+        self.last = Some(*record);
+    }
+    fn lost(&self) -> u64 {
+        self.ring.lost()
+    }
+}
+
+/// Watch the cycle until somebody asks for the end.
+fn wait_for_signal(shared: &Shared, period: Span) -> anyhow::Result<()> {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    runtime.block_on(async {
+        let mut terminate = signal(SignalKind::terminate())?;
+        let mut interrupt = signal(SignalKind::interrupt())?;
+        tokio::select! {
+            _ = terminate.recv() => info!("SIGTERM: coming to rest"),
+            _ = interrupt.recv() => info!("SIGINT: coming to rest"),
+            () = watch::run(shared, period) => {}
+        }
+        Ok(())
+    })
+}
+
+fn report(last: Option<&CycleRecord>, log: &WriteOutcome, lost: u64) -> bool {
+    let mut is_well = lost == 0 && log.is_complete;
+    for (axis, row) in last.iter().flat_map(|record| record.axes.iter()) {
+        if let Some(fault) = row.fault {
+            error!(%axis, "{fault}; see docs/faults/{:02}-{}.md", fault.number(), fault.name());
+            is_well = false;
+        }
+    }
+    if let Some(cause) = &log.first_error {
+        error!("log: {cause}");
+        is_well = false;
+    }
+    info!(records = log.written, lost, log = %log.path.display(), "stopped");
+    is_well
+}

@@ -1,0 +1,40 @@
+//! Looks at the cycle from outside, once a second: does it advance, what was lost?
+//!
+//! Invariant: only reads counters; a stuck cycle is said aloud, never papered over.
+
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+
+use tracing::{debug, error, warn};
+
+use super::Shared;
+use crate::base::time::Span;
+
+/// How often.
+const EVERY: Duration = Duration::from_secs(1);
+/// Share of the due cycles below which the cycle counts as slow.
+const ENOUGH: f64 = 0.9;
+
+/// Watch for ever.
+pub(super) async fn run(shared: &Shared, period: Span) {
+    let due = EVERY.as_secs_f64() / period.as_s();
+    let mut ticks = tokio::time::interval(EVERY);
+    ticks.tick().await;
+    let (mut cycles_seen, mut lost_seen) = (shared.cycles.load(Ordering::Relaxed), 0);
+    loop {
+        ticks.tick().await;
+        let (cycles, lost) = (shared.cycles.load(Ordering::Relaxed), shared.lost.load(Ordering::Relaxed));
+        let advanced = cycles - cycles_seen;
+        if advanced == 0 {
+            error!(cycle = cycles, "the cycle has not advanced for {} s", EVERY.as_secs());
+        } else if (advanced as f64) < ENOUGH * due {
+            warn!("{advanced} cycles in {} s, due were {due:.0}", EVERY.as_secs());
+        } else {
+            debug!(cycle = cycles, "running");
+        }
+        if lost > lost_seen {
+            warn!("{} records lost", lost - lost_seen);
+        }
+        (cycles_seen, lost_seen) = (cycles, lost);
+    }
+}
