@@ -142,7 +142,10 @@ impl Plant {
     /// returns whether it had to hold the command back.
     pub fn step(&mut self, command: Current) -> bool {
         let held_a = command.as_a().clamp(-self.peak_a, self.peak_a);
-        self.pending_n.copy_within(0..self.dead_ticks + 1, 1);
+        // A loop, not a call of memmove: most machines have one entry to move.
+        for age in (0..=self.dead_ticks).rev() {
+            self.pending_n[age + 1] = self.pending_n[age];
+        }
         self.pending_n[0] = held_a * self.force_per_current;
         if let Some(early) = &self.early {
             self.body.advance(early, self.pending_n[self.dead_ticks + 1]);

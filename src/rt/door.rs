@@ -86,7 +86,10 @@ impl RecordRing {
 
 impl Records for RecordRing {
     fn put(&mut self, record: &CycleRecord) {
-        if self.ring.push(*record).is_err() {
+        if let Ok(slot) = self.ring.write_chunk_uninit(1) {
+            // Straight into its slot: pushed by value, a record would be copied once more.
+            slot.fill_from_iter(std::iter::once(record).copied());
+        } else {
             self.lost.fetch_add(1, Ordering::Relaxed);
         }
         self.done.store(record.cycle + 1, Ordering::Relaxed);

@@ -42,6 +42,11 @@ impl Wired {
         &mut self.rack
     }
 
+    /// The machine without its bus, to be wired otherwise.
+    pub fn into_rack(self) -> Rack {
+        self.rack
+    }
+
     /// Commission drives over this bus, in virtual time.
     pub fn commission(
         &mut self,

@@ -1,12 +1,9 @@
 //! A bus of two ends in one process: what one end sends, the other receives, in order.
 //!
-//! Simulation and tests run on it, in one thread or in two. There is no bit rate, no arbitration
+//! Simulation and tests run on it, in one thread or in two; a wait-free ring each way, since either
+//! direction has one sender and one receiver. There is no bit rate, no arbitration
 //! and no loss; dead times belong to the simulated boards, losses to [`super::faulty`].
 //! Invariant: fixed capacity, allocated once; a frame is either delivered or counted as refused.
-
-use std::sync::Arc;
-
-use crossbeam::queue::ArrayQueue;
 
 use super::{Bus, Frame, Received, SendError};
 use crate::base::time::Moment;
@@ -14,8 +11,8 @@ use crate::base::time::Moment;
 /// One end of the bus.
 #[derive(Debug)]
 pub struct End {
-    incoming: Arc<ArrayQueue<Frame>>,
-    outgoing: Arc<ArrayQueue<Frame>>,
+    incoming: rtrb::Consumer<Frame>,
+    outgoing: rtrb::Producer<Frame>,
     refused_frames: u64,
 }
 
@@ -24,10 +21,12 @@ pub struct End {
 /// # Panics
 /// When `capacity` is 0.
 pub fn pair(capacity: usize) -> (End, End) {
-    let (one, other) = (Arc::new(ArrayQueue::new(capacity)), Arc::new(ArrayQueue::new(capacity)));
+    assert!(capacity > 0, "a bus that can hold no frame");
+    let (to_other, from_one) = rtrb::RingBuffer::new(capacity);
+    let (to_one, from_other) = rtrb::RingBuffer::new(capacity);
     (
-        End { incoming: Arc::clone(&one), outgoing: Arc::clone(&other), refused_frames: 0 },
-        End { incoming: other, outgoing: one, refused_frames: 0 },
+        End { incoming: from_other, outgoing: to_other, refused_frames: 0 },
+        End { incoming: from_one, outgoing: to_one, refused_frames: 0 },
     )
 }
 
@@ -42,15 +41,15 @@ impl Bus for End {
     fn send(&mut self, frame: &Frame) -> Result<(), SendError> {
         self.outgoing.push(*frame).map_err(|_refused| {
             self.refused_frames += 1;
-            // Nobody holds the other end: a full queue will not empty again.
-            if Arc::strong_count(&self.outgoing) == 1 { SendError::Down } else { SendError::Full }
+            // Nobody holds the other end: a full ring will not empty again.
+            if self.outgoing.is_abandoned() { SendError::Down } else { SendError::Full }
         })
     }
 
-    /// Never waits. The queue keeps no times, so a frame is stamped with the latest moment at which
+    /// Never waits. The ring keeps no times, so a frame is stamped with the latest moment at which
     /// it can have come: `until`.
     fn receive(&mut self, until: Moment) -> Option<Received> {
-        self.incoming.pop().map(|frame| Received { frame, at: until })
+        self.incoming.pop().ok().map(|frame| Received { frame, at: until })
     }
 }
 
