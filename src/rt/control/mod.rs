@@ -95,7 +95,7 @@ impl AxisLoop {
         let gains = &settings.gain_sets[0];
         Self {
             settings: *settings,
-            model: compensation::Model::new(&settings.axis, settings.limits.standstill),
+            model: compensation::Model::new(&settings.axis),
             position: PositionLoop::default(),
             velocity: VelocityLoop::new(&gains.velocity, settings.tick),
             velocity_command: Velocity::ZERO,
