@@ -162,7 +162,7 @@ mod tests {
     fn each_rule_speaks_of_its_key() {
         let board = "axis.x.board.sheet";
         assert_warns(|axis| axis.sheet.watchdog_us = 999, board, "two periods are 1000 us");
-        assert_warns(|axis| axis.sheet.watchdog_us = 8_100, board, "runs up to 2.03 mm");
+        assert_warns(|axis| axis.sheet.watchdog_us = 20_100, board, "runs up to 5.03 mm");
         let gains = "axis.x.gains.standard";
         let late = |axis: &mut config::machine::Axis, us| {
             axis.plant.actuator.dead_time = crate::base::time::Span::us(us);
