@@ -1,10 +1,11 @@
-//! The mirror of the machine file: one function per section, in the order of the file.
-//! Invariant: a key has a range and names its unit; what moves the machine has no default.
+//! The mirror of the machine file: one function per section, in the order of the file, with the range
+//! of each value. Truths between values are in `rules.rs`.
+//! Invariant: every key of the file is asked for here, and nowhere else.
 
-use super::bus_load::BusLoad;
 use super::machine::{AXIS_NAMES, Axis, BusRates, Cycle, Machine, Motion, Supervision};
 use super::problem::FileProblems;
 use super::reader::{Notes, Section, parse};
+use super::rules;
 use super::sheet_file::{self, Shelf};
 use crate::base::axis::PerAxis;
 use crate::base::time::Span;
@@ -18,14 +19,10 @@ use crate::rt::drive::velocity::VelocityEstimate;
 use crate::rt::wire::Node;
 use crate::rt::wire::scaling::{AxisScale, ScaleSettings, Sense};
 
-/// Share of the bus that the cycle's frames may take with all the stuff bits they can need; the rest is
-/// for heartbeats, emergencies and retransmission.
-const BUS_LOAD_MAX: f64 = 0.9;
-
 /// Read a machine with the sheets of a shelf.
 pub(super) fn read(source: &str, text: &str, shelf: Shelf<'_>) -> Result<Machine, FileProblems> {
+    let table = parse(source, text)?;
     let notes = Notes::default();
-    let table = parse(text, &notes);
     let root = Section::root(&table, &notes);
     let name = root.text("name");
     let cycle = cycle(root.section("cycle"));
@@ -48,7 +45,7 @@ pub(super) fn read(source: &str, text: &str, shelf: Shelf<'_>) -> Result<Machine
         gain_sets,
         axes,
     };
-    check_bus(&root, &machine);
+    rules::check(&root, &machine);
     root.close();
     notes.into_result(source, text, machine)
 }
@@ -60,10 +57,6 @@ fn cycle(section: Section<'_>) -> Cycle {
         position_every: section.whole("position-loop-every-cycles", 1..=100, "cycles") as u32,
         reply_window: Span::us(section.whole("reply-window-us", 10..=20_000, "us")),
     };
-    if cycle.reply_window >= cycle.period {
-        let title = format!("{} us leaves no time in a period of {period_us} us", cycle.reply_window.as_us());
-        section.object("reply-window-us", title, format!("allowed is less than {period_us} us"));
-    }
     section.close();
     cycle
 }
@@ -72,10 +65,6 @@ fn bus(section: Section<'_>) -> BusRates {
     section.choice("format", &[("fd", ())]);
     let nominal = section.whole("nominal-bit-rate-kbit-per-s", 10..=1_000, "kbit/s");
     let data = section.whole("data-bit-rate-kbit-per-s", 10..=8_000, "kbit/s");
-    if data < nominal {
-        let title = format!("{data} kbit/s is below the nominal bit rate");
-        section.object("data-bit-rate-kbit-per-s", title, format!("allowed is {nominal} kbit/s or more"));
-    }
     section.close();
     BusRates { nominal_bit_per_s: nominal as u32 * 1_000, data_bit_per_s: data as u32 * 1_000 }
 }
@@ -114,16 +103,13 @@ fn motion(section: Section<'_>) -> Motion {
     motion
 }
 
-/// Gain sets are named by the first axis; the others must have the same ones.
+/// Gain sets are named by the first axis that has some; the others must have the same ones.
 fn gain_set_names(axes: &Section<'_>) -> Vec<String> {
-    let first = axes.keys().into_iter().next().unwrap_or_default();
-    let Some(axis) = axes.optional_section(&first) else { return vec![String::new()] };
-    let names = axis.optional_section("gains").map(|gains| gains.keys()).unwrap_or_default();
-    if names.len() > GAIN_SETS_MAX {
-        let title = format!("{} gain sets", names.len());
-        axis.object("gains", title, format!("allowed are {GAIN_SETS_MAX}"));
-    }
-    if names.is_empty() { vec![String::new()] } else { names.into_iter().take(GAIN_SETS_MAX).collect() }
+    AXIS_NAMES
+        .iter()
+        .map(|name| axes.keys_of(&format!("{name}.gains")))
+        .find(|sets| !sets.is_empty())
+        .unwrap_or_default()
 }
 
 fn axes(section: &Section<'_>, cycle: &Cycle, sets: &[String], shelf: &Shelf<'_>) -> PerAxis<Axis> {
@@ -133,34 +119,25 @@ fn axes(section: &Section<'_>, cycle: &Cycle, sets: &[String], shelf: &Shelf<'_>
         if !AXIS_NAMES[..count].contains(&name.as_str()) {
             let wanted = AXIS_NAMES[..count].join(", ");
             section.object(name, format!("{} axes are named {wanted}", names.len()), "not an axis name here");
-            section.optional_section(name);
+            section.skip(name);
         }
     }
-    let axes =
-        PerAxis::from_fn(count, |id| axis(section.section(AXIS_NAMES[id.index()]), cycle, sets, shelf));
-    for (id, axis) in axes.iter() {
-        if axes.iter().any(|(other, twin)| other < id && twin.node == axis.node) {
-            let board = section.section(AXIS_NAMES[id.index()]).section("board");
-            board.object(
-                "node",
-                format!("{} is another axis' node", axis.node.number()),
-                "each axis has its own",
-            );
-        }
-    }
-    axes
+    let read = |name: &&str| {
+        // A wrong name stands for a missing one, and was noted.
+        let is_there = names.is_empty() || names.iter().any(|known| known == name);
+        let section = if is_there { section.section(name) } else { section.absent(name) };
+        axis(section, cycle, sets, shelf)
+    };
+    let axes: Vec<Axis> = AXIS_NAMES[..count].iter().map(read).collect();
+    PerAxis::from_fn(count, |id| axes[id.index()])
 }
 
 fn axis(section: Section<'_>, cycle: &Cycle, sets: &[String], shelf: &Shelf<'_>) -> Axis {
     let board = section.section("board");
     let node = Node::new(board.whole("node", 1..=127, "") as u8).unwrap_or(Node::MAX);
     let feedback_latency = Span::us(board.whole("feedback-latency-us", 0..=20_000, "us"));
-    if feedback_latency > cycle.period {
-        let title = format!("{} us is longer than a period", feedback_latency.as_us());
-        board.object("feedback-latency-us", title, format!("allowed is 0 to {} us", cycle.period.as_us()));
-    }
     let drive = section.section("drive");
-    let actuator = actuator(&drive, cycle);
+    let actuator = actuator(&drive);
     let current_noise = Current::a(drive.number("current-noise-a-rms", 0.0..=1_000.0, "A"));
     let encoder = section.section("motor-encoder");
     let velocity_estimate = encoder.choice(
@@ -169,7 +146,7 @@ fn axis(section: Section<'_>, cycle: &Cycle, sets: &[String], shelf: &Shelf<'_>)
     );
     let table = section.optional_section("table-scale");
     let senses = (sense(&encoder), table.as_ref().map_or(Sense::Along, sense));
-    let sheet = sheet(board, encoder, table, (&drive, &actuator), shelf);
+    let sheet = sheet(board, encoder, table, &actuator, shelf);
     drive.close();
     let plant = plant::Parameters {
         mechanics: mechanics(section.section("mechanics")),
@@ -180,9 +157,9 @@ fn axis(section: Section<'_>, cycle: &Cycle, sets: &[String], shelf: &Shelf<'_>)
         tick: cycle.period,
         position_every: cycle.position_every,
         axis: plant,
-        limits: limits(section.section("limits"), &sheet),
+        limits: limits(section.section("limits")),
         gain_sets: gain_sets(&section, cycle, sets),
-        gain_set_count: sets.len() as u8,
+        gain_set_count: sets.len().min(GAIN_SETS_MAX) as u8,
     };
     section.close();
     let scale = AxisScale::new(&ScaleSettings {
@@ -203,12 +180,12 @@ fn sheet(
     board: Section<'_>,
     encoder: Section<'_>,
     table: Option<Section<'_>>,
-    (drive, actuator): (&Section<'_>, &Actuator),
+    actuator: &Actuator,
     shelf: &Shelf<'_>,
 ) -> Sheet {
     let name = board.text("sheet");
     let mut sheet = shelf.find(&name).unwrap_or_else(|cause| {
-        board.object("sheet", format!("no usable board sheet \"{name}\""), cause);
+        board.conflict("sheet", &[], format!("no usable board sheet \"{name}\""), cause);
         sheet_file::placeholder()
     });
     sheet.command_applies = board.choice(
@@ -222,28 +199,16 @@ fn sheet(
         counts as u32
     });
     sheet.peak_current_ma = (actuator.peak_current.as_a() * 1e3).round() as u32;
-    if sheet.peak_current_ma < sheet.rated_current_ma {
-        let rated_a = f64::from(sheet.rated_current_ma) * 1e-3;
-        let title = format!("peak current below the rated current of the board, {rated_a} A");
-        drive.object("peak-current-a", title, format!("allowed is {rated_a} A or more"));
-    }
     board.close();
     encoder.close();
     sheet
 }
 
-fn actuator(section: &Section<'_>, cycle: &Cycle) -> Actuator {
-    let dead_time = Span::us(section.whole("dead-time-us", 0..=20_000, "us"));
-    let ticks_max = plant::DEAD_TICKS_MAX as i64 - 1;
-    if dead_time > cycle.period * ticks_max {
-        let bound_us = (cycle.period * ticks_max).as_us();
-        let title = format!("{} us is more than {ticks_max} periods", dead_time.as_us());
-        section.object("dead-time-us", title, format!("allowed is 0 to {bound_us} us"));
-    }
+fn actuator(section: &Section<'_>) -> Actuator {
     Actuator {
         torque_constant_nm_per_a: section.number("torque-constant-nm-per-a", 1e-3..=100.0, "N m/A"),
         current_loop_hz: section.number("current-loop-hz", 10.0..=20_000.0, "Hz"),
-        dead_time: dead_time.min(cycle.period * ticks_max),
+        dead_time: Span::us(section.whole("dead-time-us", 0..=20_000, "us")),
         peak_current: Current::a(section.number("peak-current-a", 0.1..=2_000.0, "A")),
     }
 }
@@ -271,23 +236,14 @@ fn friction(section: Section<'_>) -> friction::Parameters {
         fall_start: Velocity::mm_per_s(section.number("fall-start-mm-per-s", 0.0..=100.0, "mm/s")),
         viscous_n_s_per_m: section.number("viscous-n-s-per-mm", 0.0..=1_000.0, "N s/mm") * 1e3,
     };
-    if parameters.sliding > parameters.breakaway {
-        let title = format!("{} is above the break-away force", parameters.sliding);
-        section.object("sliding-n", title, format!("allowed is 0 to {}", parameters.breakaway));
-    }
-    if parameters.fall_start >= parameters.fall_end {
-        let end = parameters.fall_end.as_mm_per_s();
-        let title = format!("{:.4} mm/s is not below the fall's end", parameters.fall_start.as_mm_per_s());
-        section.object("fall-start-mm-per-s", title, format!("allowed is less than {end:.4} mm/s"));
-    }
     section.close();
     parameters
 }
 
-fn limits(section: Section<'_>, sheet: &Sheet) -> Limits {
+fn limits(section: Section<'_>) -> Limits {
     let limits = Limits {
-        travel_min: Position::mm(section.number("travel-min-mm", -1e5..=1e5, "mm")),
-        travel_max: Position::mm(section.number("travel-max-mm", -1e5..=1e5, "mm")),
+        travel_min: Position::mm(section.number("travel-min-mm", -1e5..=0.0, "mm")),
+        travel_max: Position::mm(section.number("travel-max-mm", 0.0..=1e5, "mm")),
         travel_margin: Position::mm(section.number("travel-margin-mm", 0.0..=100.0, "mm")),
         velocity: Velocity::mm_per_s(section.number("velocity-mm-per-s", 0.01..=5_000.0, "mm/s")),
         acceleration: Acceleration::m_per_s2(section.number("acceleration-m-per-s2", 0.01..=100.0, "m/s^2")),
@@ -295,16 +251,6 @@ fn limits(section: Section<'_>, sheet: &Sheet) -> Limits {
         following_error: Position::mm(section.number("following-error-mm", 0.001..=100.0, "mm")),
         standstill: Velocity::mm_per_s(section.number("standstill-mm-per-s", 0.001..=10.0, "mm/s")),
     };
-    if limits.travel_min >= limits.travel_max {
-        let bound = limits.travel_max.as_mm();
-        let title = format!("{} mm is not below the upper end", limits.travel_min.as_mm());
-        section.object("travel-min-mm", title, format!("allowed is less than {bound} mm"));
-    }
-    let peak_a = f64::from(sheet.peak_current_ma) * 1e-3;
-    if limits.current.as_a() > peak_a {
-        let title = format!("{} A is above the drive's peak current", limits.current.as_a());
-        section.object("current-a", title, format!("allowed is 0.01 to {peak_a} A"));
-    }
     section.close();
     limits
 }
@@ -359,7 +305,7 @@ fn gain_sets(axis: &Section<'_>, cycle: &Cycle, names: &[String]) -> [Gains; GAI
             gain_per_s: set.number("kp-per-s", 0.1..=kp_max.min(1_000.0), "1/s"),
             velocity_feed_forward: set.number("velocity-feed-forward", 0.0..=1.0, ""),
         },
-        velocity: form.gains(set.number("v-p", 0.0..=1e6, ""), set.number("v-i", 0.0..=1e6, "")),
+        velocity: form.gains(set.number("v-p", 1e-6..=1e6, ""), set.number("v-i", 0.0..=1e6, "")),
         compensation: compensation::Gains {
             friction: set.number("friction-feed-forward", 0.0..=1.5, ""),
             inertia: set.number("inertia-feed-forward", 0.0..=1.5, ""),
@@ -375,25 +321,27 @@ fn gain_sets(axis: &Section<'_>, cycle: &Cycle, names: &[String]) -> [Gains; GAI
         })
         .collect();
     section.close();
-    std::array::from_fn(|index| sets[index.min(sets.len() - 1)])
+    match sets.len() {
+        0 => axis.conflict("gains", &[], "holds no gain set", "wanted is one section or more, as `standard`"),
+        1..=GAIN_SETS_MAX => {}
+        many => {
+            axis.conflict(
+                "gains",
+                &[],
+                format!("{many} gain sets"),
+                format!("allowed are 1 to {GAIN_SETS_MAX}"),
+            );
+        }
+    }
+    std::array::from_fn(|index| sets.get(index).or(sets.last()).copied().unwrap_or(NO_GAINS))
 }
 
-/// A cycle is: SYNC, feedback within the reply window, commands before the next SYNC.
-fn check_bus(root: &Section<'_>, machine: &Machine) {
-    let load = BusLoad::of(machine);
-    let section = root.section("cycle");
-    let [period_us, window_us] = [machine.cycle.period, machine.cycle.reply_window].map(Span::as_us);
-    let [replies_us, commands_us] = [load.replies_s, load.commands_s].map(|s| s * 1e6);
-    if load.share > BUS_LOAD_MAX {
-        let (busy_us, percent) = (replies_us + commands_us, load.share * 100.0);
-        let title = format!("frames take {busy_us:.0} us of {period_us} us: {percent:.0} % of the bus");
-        section.object("period-us", title, format!("allowed is up to {} %", BUS_LOAD_MAX * 100.0));
-    } else if replies_us > window_us {
-        let title = format!("SYNC and feedback alone take {replies_us:.0} us");
-        section.object("reply-window-us", title, format!("allowed is {replies_us:.0} us or more"));
-    } else if window_us + commands_us > period_us {
-        let title = format!("{window_us} us and {commands_us:.0} us of commands pass the period");
-        let bound_us = (period_us - commands_us).floor();
-        section.object("reply-window-us", title, format!("allowed is up to {bound_us} us"));
-    }
-}
+/// What stands in for a gain set that is not there.
+const NO_GAINS: Gains = Gains {
+    position: position::Gains { gain_per_s: 0.0, velocity_feed_forward: 0.0 },
+    velocity: velocity_pi::Gains {
+        proportional_nm_s_per_rad: 0.0,
+        memory: velocity_pi::Memory::Integrator { gain_nm_per_rad: 0.0 },
+    },
+    compensation: compensation::Gains { friction: 0.0, inertia: 0.0 },
+};

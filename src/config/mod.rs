@@ -1,7 +1,8 @@
 //! Text in, checked settings out.
 //!
-//! A machine file is read section by section (`reader.rs`), every problem is noted at its place
-//! (`problem.rs`), and what comes out is a [`Machine`] that the rest trusts. Two machines are embedded.
+//! A machine file is read section by section (`reader.rs`, `machine_file.rs`), its values are held
+//! against each other (`rules.rs`), every problem is noted at its place (`problem.rs`), and what comes
+//! out is a [`Machine`] that the rest trusts. Two machines are embedded.
 //! Invariant: nothing that moves has a silent default; a text with a problem gives no machine.
 
 mod assemble;
@@ -11,6 +12,7 @@ mod machine_file;
 pub mod plan;
 pub mod problem;
 mod reader;
+mod rules;
 mod sheet_file;
 
 use std::collections::BTreeMap;

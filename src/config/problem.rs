@@ -52,6 +52,18 @@ impl FileProblems {
             .join("\n")
     }
 
+    /// All of them in one line, to be told as the cause of another problem.
+    pub(super) fn in_one_line(&self) -> String {
+        self.lines().collect::<Vec<_>>().join("; ")
+    }
+
+    fn lines(&self) -> impl Iterator<Item = String> {
+        self.problems.iter().map(|problem| {
+            let line = self.line(problem);
+            format!("{}:{line}: {}: {} ({})", self.file, problem.key, problem.title, problem.label)
+        })
+    }
+
     /// Line of a problem, counted from 1.
     pub fn line(&self, problem: &Problem) -> usize {
         self.text.bytes().take(problem.span.start).filter(|&byte| byte == b'\n').count() + 1
@@ -62,11 +74,7 @@ impl fmt::Display for FileProblems {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         let count = self.problems.len();
         write!(out, "{} has {count} problem{}", self.file, if count == 1 { "" } else { "s" })?;
-        for problem in &self.problems {
-            let line = self.line(problem);
-            write!(out, "\n{}:{line}: {}: {} ({})", self.file, problem.key, problem.title, problem.label)?;
-        }
-        Ok(())
+        self.lines().try_for_each(|line| write!(out, "\n{line}"))
     }
 }
 

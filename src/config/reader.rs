@@ -32,6 +32,17 @@ impl Notes {
         self.problems.borrow_mut().push(problem);
     }
 
+    /// Whether nothing is wrong with the value at a full path, inside it or around it.
+    fn is_sound(&self, path: &str) -> bool {
+        let is_within = |inner: &str, outer: &str| {
+            inner.strip_prefix(outer).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
+        };
+        self.problems
+            .borrow()
+            .iter()
+            .all(|problem| !is_within(path, &problem.key) && !is_within(&problem.key, path))
+    }
+
     /// All of them against the text, or `value` where there are none.
     pub(super) fn into_result<T>(self, file: &str, text: &str, value: T) -> Result<T, FileProblems> {
         let mut problems = self.problems.into_inner();
@@ -43,14 +54,16 @@ impl Notes {
     }
 }
 
-/// Parse a text; grammar errors are noted, what could be read is returned.
-pub(super) fn parse<'t>(text: &'t str, notes: &Notes) -> Spanned<DeTable<'t>> {
+/// Parse a text. Where its grammar is broken, only that is told: what a section or value would be is a
+/// guess there, and problems of guesses mislead.
+pub(super) fn parse<'t>(file: &str, text: &'t str) -> Result<Spanned<DeTable<'t>>, FileProblems> {
     let (table, errors) = DeTable::parse_recoverable(text);
+    let notes = Notes::default();
     for error in errors {
         let span = error.span().unwrap_or(0..0);
         notes.add(span, "TOML", error.message(), "not understood here");
     }
-    table
+    notes.into_result(file, text, table)
 }
 
 /// One table of the text, while it is read.
@@ -79,21 +92,62 @@ impl<'t> Section<'t> {
         if self.path.is_empty() { key.to_owned() } else { format!("{}.{key}", self.path) }
     }
 
-    /// Where a key's value stands, or the section where it is missing.
-    pub(super) fn span_of(&self, key: &str) -> Range<usize> {
-        self.value(key).map_or_else(|| self.span.clone(), |value| value.span())
-    }
-
-    /// Note that a value does not fit with others.
+    /// Note that the value of a key is not right, whatever the others are.
     pub(super) fn object(&self, key: &str, title: impl Into<String>, label: impl Into<String>) {
         self.notes.add(self.span_of(key), &self.key(key), title, label);
     }
 
+    /// Note that the value at a path (`limits.current-a`) does not fit with those at others. Nothing is
+    /// noted when one of them is missing or has a problem of its own: what stands in for it proves nothing.
+    pub(super) fn conflict(
+        &self,
+        path: &str,
+        others: &[&str],
+        title: impl Into<String>,
+        label: impl Into<String>,
+    ) {
+        let mut paths = others.iter().chain([&path]);
+        if paths.all(|path| self.find(path).is_ok() && self.notes.is_sound(&self.key(path))) {
+            self.notes.add(self.span_of(path), &self.key(path), title, label);
+        }
+    }
+
+    /// Where the value at a path stands, or the innermost section around it.
+    fn span_of(&self, path: &str) -> Range<usize> {
+        self.find(path).unwrap_or_else(|around| around)
+    }
+
+    /// Where the value at a path stands; the innermost section around it where there is none.
+    fn find(&self, path: &str) -> Result<Range<usize>, Range<usize>> {
+        let (mut table, mut span) = (self.table, self.span.clone());
+        for key in path.split('.') {
+            let Some((name, value)) = table.and_then(|table| table.get_key_value(key)) else {
+                return Err(span);
+            };
+            table = value.get_ref().as_table();
+            // A section is pointed at by its header.
+            span = if table.is_some() { name.span() } else { value.span() };
+        }
+        Ok(span)
+    }
+
     /// Names of the keys in here, in order of the text.
     pub(super) fn keys(&self) -> Vec<String> {
-        let mut keys: Vec<_> = self.table.into_iter().flat_map(|table| table.keys()).collect();
+        self.keys_of("")
+    }
+
+    /// Names of the keys in the table at a path, in order of the text; none where there is no table.
+    pub(super) fn keys_of(&self, path: &str) -> Vec<String> {
+        let steps = path.split('.').filter(|key| !key.is_empty());
+        let table = steps.fold(self.table, |table, key| table?.get(key)?.get_ref().as_table());
+        let mut keys: Vec<_> = table.into_iter().flat_map(|table| table.keys()).collect();
         keys.sort_by_key(|key| key.span().start);
         keys.into_iter().map(|key| key.get_ref().to_string()).collect()
+    }
+
+    /// Let a key pass that was noted otherwise.
+    pub(super) fn skip(&self, key: &str) {
+        self.ask(key);
     }
 
     fn value(&self, key: &str) -> Option<&'t Spanned<DeValue<'t>>> {
@@ -116,8 +170,15 @@ impl<'t> Section<'t> {
     }
 
     fn wrong_type(&self, key: &str, value: &Spanned<DeValue<'_>>, wanted: &str) {
-        let title = format!("is a {}, wanted is {wanted}", value.get_ref().type_str());
-        self.notes.add(value.span(), &self.key(key), title, format!("wanted is {wanted}"));
+        let (shown, kind) = (shown(value.get_ref()), value.get_ref().type_str());
+        let title = format!("{shown} is of type {kind}");
+        self.notes.add(value.span(), &self.key(key), title.trim_start(), format!("wanted is {wanted}"));
+    }
+
+    fn out_of_range(&self, key: &str, value: &Spanned<DeValue<'_>>, number: &str, unit: &str, wanted: &str) {
+        let number = format!("{number} {unit}");
+        let title = format!("{} is outside the allowed range", number.trim_end());
+        self.notes.add(value.span(), &self.key(key), title, format!("allowed is {wanted}"));
     }
 
     /// A number within bounds, in the unit that the key names.
@@ -136,9 +197,7 @@ impl<'t> Section<'t> {
             // NaN is in no range.
             Some(number) if range.contains(&number) => number,
             Some(number) => {
-                let title = format!("{number} {unit} is outside the allowed range");
-                let title = title.replace("  ", " ");
-                self.notes.add(value.span(), &self.key(key), title, format!("allowed is {wanted}"));
+                self.out_of_range(key, value, &number.to_string(), unit, wanted);
                 *range.start()
             }
             None => {
@@ -153,18 +212,20 @@ impl<'t> Section<'t> {
         let wanted = format!("a whole number from {} to {} {unit}", range.start(), range.end());
         let wanted = wanted.trim_end();
         let Some(value) = self.require(key, wanted) else { return *range.start() };
-        let number = value.get_ref().as_integer().and_then(|integer| {
-            i64::from_str_radix(&integer.as_str().replace('_', ""), integer.radix()).ok()
-        });
-        match number {
-            Some(number) if range.contains(&number) => number,
-            Some(number) => {
-                let title = format!("{number} {unit} is outside the allowed range").replace("  ", " ");
-                self.notes.add(value.span(), &self.key(key), title, format!("allowed is {wanted}"));
+        let Some(integer) = value.get_ref().as_integer() else {
+            self.wrong_type(key, value, wanted);
+            return *range.start();
+        };
+        // What is too long for an i64 is in no range.
+        let digits = integer.as_str().replace('_', "");
+        match i64::from_str_radix(&digits, integer.radix()) {
+            Ok(number) if range.contains(&number) => number,
+            Ok(number) => {
+                self.out_of_range(key, value, &number.to_string(), unit, wanted);
                 *range.start()
             }
-            None => {
-                self.wrong_type(key, value, wanted);
+            Err(_) => {
+                self.out_of_range(key, value, &digits, unit, wanted);
                 *range.start()
             }
         }
@@ -191,11 +252,13 @@ impl<'t> Section<'t> {
         match choices.iter().find(|(name, _)| Some(*name) == word) {
             Some((_, choice)) => *choice,
             None => {
-                let title = match word {
-                    Some(word) => format!("\"{word}\" is not known"),
-                    None => format!("is a {}", value.get_ref().type_str()),
-                };
-                self.notes.add(value.span(), &self.key(key), title, format!("wanted is {wanted}"));
+                match word {
+                    Some(word) => {
+                        let title = format!("{word:?} is not known");
+                        self.notes.add(value.span(), &self.key(key), title, format!("wanted is {wanted}"));
+                    }
+                    None => self.wrong_type(key, value, &wanted),
+                }
                 choices[0].1
             }
         }
@@ -212,6 +275,11 @@ impl<'t> Section<'t> {
         self.ask(key).map(|value| self.below(key, Some(value)))
     }
 
+    /// A table that is not there, as was noted elsewhere.
+    pub(super) fn absent(&self, key: &str) -> Self {
+        self.below(key, None)
+    }
+
     fn below(&self, key: &str, value: Option<&'t Spanned<DeValue<'t>>>) -> Self {
         let table = value.and_then(|value| {
             let table = value.get_ref().as_table();
@@ -220,16 +288,13 @@ impl<'t> Section<'t> {
             }
             table
         });
-        // An error about a section points at its header: its first key's line is where a person looks.
-        let span = match (table, value) {
-            (Some(_), Some(_)) => self
-                .table
-                .and_then(|outer| outer.get_key_value(key))
-                .map_or(self.span.clone(), |(name, _)| name.span()),
-            (_, Some(value)) => value.span(),
-            (_, None) => self.span.clone(),
-        };
-        Self { notes: self.notes, table, span, path: self.key(key), asked: RefCell::default() }
+        Self {
+            notes: self.notes,
+            table,
+            span: self.span_of(key),
+            path: self.key(key),
+            asked: RefCell::default(),
+        }
     }
 
     /// All keys have been asked for: what is left is unknown.
@@ -246,6 +311,17 @@ impl<'t> Section<'t> {
                 self.notes.add(name.span(), &self.key(key), "unknown key", label);
             }
         }
+    }
+}
+
+/// A value as a person wrote it; nothing for what has an inside.
+fn shown(value: &DeValue<'_>) -> String {
+    match value {
+        DeValue::String(text) => format!("{text:?}"),
+        DeValue::Integer(integer) => integer.to_string(),
+        DeValue::Float(float) => float.as_str().to_owned(),
+        DeValue::Boolean(is_true) => is_true.to_string(),
+        DeValue::Datetime(_) | DeValue::Array(_) | DeValue::Table(_) => String::new(),
     }
 }
 

@@ -50,7 +50,7 @@ impl<'a> Shelf<'a> {
         if let Some(text) = self.given.get(name) {
             return Ok((name.to_owned(), text.clone()));
         }
-        let beside = self.folder.map(|folder| folder.join(name).with_extension("toml"));
+        let beside = self.folder.map(|folder| folder.join(format!("{name}.toml")));
         if let Some(path) = beside.filter(|path| path.exists()) {
             let file = path.display().to_string();
             return std::fs::read_to_string(&path)
@@ -88,8 +88,8 @@ pub(super) fn placeholder() -> Sheet {
 }
 
 fn read(file: &str, text: &str) -> Result<Sheet, String> {
+    let table = parse(file, text).map_err(|problems| problems.in_one_line())?;
     let notes = Notes::default();
-    let table = parse(text, &notes);
     let root = Section::root(&table, &notes);
     let mut values = Vec::new();
     for (title, objects) in LAYOUT {
@@ -100,7 +100,7 @@ fn read(file: &str, text: &str) -> Result<Sheet, String> {
         section.close();
     }
     root.close();
-    notes.into_result(file, text, ()).map_err(|problems| problems.to_string())?;
+    notes.into_result(file, text, ()).map_err(|problems| problems.in_one_line())?;
     let value_of = |wanted: Object| values.iter().find(|(object, _)| *object == wanted).map_or(0, |v| v.1);
     Sheet::from_values(value_of).map_err(|cause| format!("{file}: {cause}"))
 }
@@ -109,10 +109,10 @@ fn entry(section: &Section<'_>, object: Object) -> u32 {
     let entry = section.section(object.key());
     let (address, unit) = (object.address().to_string(), object.unit());
     if entry.text("object") != address {
-        entry.object("object", "is another object", format!("{} is object {address}", object.key()));
+        entry.conflict("object", &[], "is another object", format!("{} is object {address}", object.key()));
     }
     if entry.text("unit") != unit {
-        entry.object("unit", "is another unit", format!("{} counts in \"{unit}\"", object.key()));
+        entry.conflict("unit", &[], "is another unit", format!("{} counts in \"{unit}\"", object.key()));
     }
     let value = entry.whole("value", 0..=i64::from(u32::MAX), unit);
     entry.close();
