@@ -6,7 +6,7 @@
 //! [`speak`](Board::speak). The board's clock is the `now` of the caller.
 //!
 //! The board has a watchdog of its own. While operation is enabled it wants a fresh command (one
-//! with a new sequence) within the watchdog time of its sheet; otherwise it trips: the drive goes to
+//! with a new sequence) to act within the watchdog time of its sheet; otherwise it trips: the drive goes to
 //! quick stop active, an emergency is sent and a flag stands in every feedback. A tripped watchdog
 //! refuses to enable until it is told to disable voltage, or reset.
 //!
@@ -200,7 +200,7 @@ impl Board {
     pub fn latch(&mut self, cycle: u32, measured: Measured, now: Moment) {
         self.advance(now);
         if let Some(waiting) = self.command.waiting.take() {
-            self.apply(waiting);
+            self.apply(waiting, now);
         }
         if !(self.injected.is_encoder_frozen || self.injected.has_encoder_error) {
             self.last_measured = measured;
@@ -229,14 +229,14 @@ impl Board {
         }
         self.command.sequence = Some(raw.sequence);
         self.command.is_fresh = true;
-        self.watchdog.fed = now;
         match self.sheet.command_applies {
-            CommandApplies::OnReceipt => self.apply(raw),
+            CommandApplies::OnReceipt => self.apply(raw, now),
             CommandApplies::OnNextSync => self.command.waiting = Some(raw),
         }
     }
 
-    fn apply(&mut self, raw: RawCommand) {
+    fn apply(&mut self, raw: RawCommand, now: Moment) {
+        self.watchdog.fed = now;
         let peak = self.sheet.peak_current();
         self.command.current = raw.current.clamp_abs(peak);
         self.command.is_saturated = raw.current != self.command.current;

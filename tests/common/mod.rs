@@ -239,6 +239,12 @@ impl Rig {
         }
     }
 
+    /// Until the motion just ordered has begun and ended.
+    pub(crate) fn run_until_moved(&mut self) {
+        self.run_until(ModeTag::Moving, 8);
+        self.run_until(ModeTag::Ready, 40_000);
+    }
+
     pub(crate) fn enable(&mut self) {
         self.order(Order::Enable);
         self.run_until(ModeTag::Ready, 200);

@@ -98,10 +98,11 @@ impl Limits {
             Some(Fault::Overspeed)
         } else if sample.current.abs() > self.current * FAULT_FACTOR {
             Some(Fault::Overcurrent)
-        } else if outside > self.travel_margin.as_m() {
-            Some(Fault::Travel)
         } else if (sample.position - expected).abs() > self.following_error {
             Some(Fault::FollowingError)
+        } else if outside > self.travel_margin.as_m() {
+            // Ramped out under control, so it comes after all that leaves no control.
+            Some(Fault::Travel)
         } else {
             None
         }
@@ -145,8 +146,12 @@ mod tests {
         assert_eq!(judge(&sample(50.9, 239.0, -23.9)), None);
         assert_eq!(judge(&sample(51.1, 0.0, 0.0)), Some(Fault::FollowingError));
         assert_eq!(judge(&sample(48.9, 0.0, 0.0)), Some(Fault::FollowingError));
-        assert_eq!(judge(&sample(102.1, 0.0, 0.0)), Some(Fault::Travel));
-        assert_eq!(judge(&sample(-102.1, 0.0, 0.0)), Some(Fault::Travel));
+        assert_eq!(judge(&sample(102.1, 0.0, 0.0)), Some(Fault::FollowingError), "travel does not hide it");
+        let reach = LIMITS.reach_from(Position::ZERO);
+        for place_mm in [102.1, -102.1] {
+            let outside = LIMITS.violation(&sample(place_mm, 0.0, 0.0), Position::mm(place_mm), reach);
+            assert_eq!(outside, Some(Fault::Travel));
+        }
         assert_eq!(judge(&sample(50.0, -241.0, 0.0)), Some(Fault::Overspeed));
         assert_eq!(judge(&sample(50.0, 1001.0, 0.0)), Some(Fault::EncoderJump));
         assert_eq!(judge(&sample(50.0, 0.0, 24.1)), Some(Fault::Overcurrent));

@@ -83,6 +83,9 @@ pub struct AxisLoop {
     velocity_command: Velocity,
     velocity_error_rad_per_s: f64,
     held_velocity: Acted,
+    /// Ticks since the position loop acted, and whether one of its own was missed meanwhile.
+    ticks_since_position: u32,
+    is_position_due: bool,
     reach: (Position, Position),
     gain_set: u8,
     rad_per_m: f64,
@@ -101,6 +104,8 @@ impl AxisLoop {
             velocity_command: Velocity::ZERO,
             velocity_error_rad_per_s: 0.0,
             held_velocity: Acted::NONE,
+            ticks_since_position: settings.position_every,
+            is_position_due: false,
             reach: settings.limits.reach_from(Position::ZERO),
             gain_set: 0,
             rad_per_m: 1.0 / settings.axis.mechanics.travel_per_rad_m(),
@@ -137,6 +142,16 @@ impl AxisLoop {
         self.velocity_command = sample.velocity.clamp_abs(self.settings.limits.velocity);
         self.velocity_error_rad_per_s = 0.0;
         self.held_velocity = Acted::NONE;
+        self.ticks_since_position = self.settings.position_every;
+        self.is_position_due = false;
+    }
+
+    /// So many ticks went by without a fresh sample. The axis moves on meanwhile, and so does its expected
+    /// response; a tick of the position loop among them is made up for at the next sample.
+    pub fn miss(&mut self, ticks: u32, is_position_tick: bool) {
+        self.position.coast(self.settings.tick.as_s() * f64::from(ticks));
+        self.ticks_since_position = self.ticks_since_position.saturating_add(ticks);
+        self.is_position_due |= is_position_tick;
     }
 
     /// Use another gain set from now on, without a bump. Numbers past the last set are ignored.
@@ -165,9 +180,10 @@ impl AxisLoop {
     pub fn step(&mut self, setpoint: &Setpoint, sample: &Sample, is_position_tick: bool) -> Answer {
         let gains = self.settings.gain_sets[usize::from(self.gain_set)];
         let (setpoint, was_outside) = Limits::hold_setpoint(self.reach, setpoint);
-        if is_position_tick {
+        if is_position_tick || self.is_position_due {
             self.position_tick(&gains.position, &setpoint, sample);
         }
+        self.ticks_since_position = self.ticks_since_position.saturating_add(1);
         let feed_forward = self.model.feed_forward(&gains.compensation, &self.position);
 
         let error = self.velocity_command - sample.velocity;
@@ -197,7 +213,9 @@ impl AxisLoop {
     }
 
     fn position_tick(&mut self, gains: &position::Gains, setpoint: &Setpoint, sample: &Sample) {
-        let since_s = self.settings.tick.as_s() * f64::from(self.settings.position_every);
+        let since_s = self.settings.tick.as_s() * f64::from(self.ticks_since_position.max(1));
+        self.ticks_since_position = 0;
+        self.is_position_due = false;
         self.position.update(gains, setpoint, sample.position, since_s);
         let limits = &self.settings.limits;
         let (held, by_velocity, by_acceleration) =

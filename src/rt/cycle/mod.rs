@@ -99,7 +99,9 @@ impl Cycle {
         self.pass(slot);
         self.decide(wish, &observed, slot);
         self.profile.advance(now);
-        self.control(&observed, is_position_tick);
+        // Slots that the grid skipped since the last cycle.
+        let skipped = (slot.number - self.record.cycle).saturating_sub(1);
+        self.control(&observed, is_position_tick, u32::try_from(skipped).unwrap_or(u32::MAX));
         self.is_send_refused = self.drives.dispatch(bus, &self.commands, slot.number).is_err();
         self.write_record(&observed, slot)
     }
@@ -163,8 +165,9 @@ impl Cycle {
             let observation = &observed[axis];
             let limits = self.loops[axis].limits();
             let expected = self.loops[axis].expected();
-            let own = verdict::of_link(observation, *mode, self.is_send_refused, &self.settings)
-                .or_else(|| verdict::of_axis(observation, *mode, &self.loops[axis], &self.answers[axis]));
+            let of_link = verdict::of_link(observation, *mode, self.is_send_refused, &self.settings);
+            let of_axis = verdict::of_axis(observation, *mode, &self.loops[axis], &self.answers[axis]);
+            let own = verdict::worst(of_link, of_axis);
             let shared = is_overrun.then_some(Fault::Overrun).or(any_fault.then_some(Fault::OtherAxis));
             let sight = Sight {
                 now,
@@ -190,7 +193,7 @@ impl Cycle {
     }
 
     /// A command for each axis: the loops where current may flow, zero where not.
-    fn control(&mut self, observed: &PerAxis<Observation>, is_position_tick: bool) {
+    fn control(&mut self, observed: &PerAxis<Observation>, is_position_tick: bool, skipped: u32) {
         for (axis, command) in self.commands.iter_mut() {
             let (mode, observation) = (self.modes[axis], &observed[axis]);
             let answer = &mut self.answers[axis];
@@ -199,10 +202,13 @@ impl Cycle {
                 self.profile.stand(axis, observation.sample.position);
                 *answer = Answer::default();
             } else if observation.sample.freshness == Freshness::Fresh {
+                self.loops[axis].miss(skipped, false);
                 let setpoint = &self.profile.setpoints()[axis];
                 *answer = self.loops[axis].step(setpoint, &observation.sample, is_position_tick);
+            } else {
+                // The last answer stands until fresh feedback comes or the fault takes it away.
+                self.loops[axis].miss(skipped.saturating_add(1), is_position_tick);
             }
-            // Energised without fresh feedback: the last answer stands until the fault takes it away.
             let target = match mode {
                 Mode::Off => Target::FaultReset,
                 Mode::Faulted { .. } => Target::Disabled,

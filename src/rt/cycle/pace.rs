@@ -1,7 +1,8 @@
 //! When the next cycle runs: an absolute grid of periods from the start of the run.
 //!
 //! [`Virtual`] steps from slot to slot as fast as it is called. [`Wall`] sleeps until each slot on the
-//! monotonic clock; slots that have passed by then are skipped and counted, never run in a burst.
+//! monotonic clock; slots that have passed by then, before or during the sleep, are skipped and counted,
+//! never run in a burst: a cycle starts within its own slot.
 //! Invariant: the only reader of the clock in `rt`; the grid never moves.
 
 use nix::sys::time::TimeSpec;
@@ -100,6 +101,8 @@ impl Pace for Wall {
         while clock_nanosleep(ClockId::CLOCK_MONOTONIC, ClockNanosleepFlags::TIMER_ABSTIME, &until).is_err() {
         }
         let woke = monotonic_now();
+        // Overslept by whole periods: this is the slot that has begun by now, not the one waited for.
+        let scheduled = self.skip(woke);
         let since_origin = |moment: Moment| Moment::ZERO + (moment - self.origin);
         let timing = Timing {
             scheduled: since_origin(scheduled),

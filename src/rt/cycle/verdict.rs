@@ -4,7 +4,7 @@
 
 use super::Settings;
 use super::mode::Mode;
-use crate::base::fault::Fault;
+use crate::base::fault::{Fault, StopCategory};
 use crate::base::sample::Freshness;
 use crate::rt::control::{Answer, AxisLoop};
 use crate::rt::drive::Observation;
@@ -44,6 +44,13 @@ pub(super) fn of_link(
     }
 }
 
+/// The fault to act on: the first, unless only the second leaves nothing to control with. A fault that
+/// is ramped out must not hide one that takes the current away.
+pub(super) fn worst(first: Option<Fault>, second: Option<Fault>) -> Option<Fault> {
+    let found = [first, second].into_iter().flatten();
+    found.clone().find(|fault| fault.stop() == StopCategory::Immediate).or_else(|| found.clone().next())
+}
+
 /// What is wrong with an axis as such. A jump of the position counts with or without current, because
 /// the position stays wrong; all else concerns only an axis that is moved.
 pub(super) fn of_axis(
@@ -63,4 +70,19 @@ pub(super) fn of_axis(
 /// Whether the drive says that it could not make the current it was asked for.
 pub(super) fn is_saturated(observation: &Observation) -> bool {
     observation.events.board_flags.contains(BoardFlags::CURRENT_SATURATED)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_fault_to_ramp_out_hides_none_that_cuts() {
+        let (ramp, cut) = (Some(Fault::HeartbeatLost), Some(Fault::Overspeed));
+        assert_eq!(worst(ramp, cut), cut);
+        assert_eq!(worst(cut, ramp), cut);
+        assert_eq!(worst(None, ramp), ramp);
+        assert_eq!(worst(cut, Some(Fault::EncoderJump)), cut, "the link comes first");
+        assert_eq!(worst(None, None), None);
+    }
 }

@@ -1,0 +1,102 @@
+//! Promise: after start the control thread does not touch the heap. A counting allocator watches the
+//! whole loop in memory: cycle, record ring, and the simulated machine that answers in the same thread.
+
+mod common;
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+
+use common::{Rig, circle};
+use quadrant::base::motion::Direction;
+use quadrant::base::record::ModeTag;
+use quadrant::base::units::Velocity;
+use quadrant::rt::control::profile::LineMotion;
+use quadrant::rt::cycle::pace::{Pace, Virtual};
+use quadrant::rt::door::{Order, Records, record_ring};
+
+/// Cycles under guard.
+const CYCLES: u64 = 100_000;
+
+/// Counts what this thread allocates and frees.
+struct Counting;
+
+thread_local! {
+    // Constant and without a destructor, so that reading it allocates nothing.
+    static TOUCHED: Cell<u64> = const { Cell::new(0) };
+}
+
+fn count() {
+    // The allocator outlives the thread's locals; what comes after them is not ours.
+    let _gone = TOUCHED.try_with(|touched| touched.set(touched.get() + 1));
+}
+
+#[expect(unsafe_code, reason = "an allocator is unsafe to implement; all of it is handed to the system's")]
+// SAFETY: every call goes to `System` unchanged.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        count();
+        unsafe { System.alloc(layout) }
+    }
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        count();
+        unsafe { System.dealloc(pointer, layout) }
+    }
+    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        count();
+        unsafe { System.realloc(pointer, layout, size) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+fn touched() -> u64 {
+    TOUCHED.get()
+}
+
+#[test]
+fn the_guard_sees_one_allocation() {
+    let before = touched();
+    let boxed = std::hint::black_box(Box::new(7_u64));
+    assert_eq!(touched() - before, 1);
+    drop(boxed);
+    assert_eq!(touched() - before, 2);
+}
+
+#[test]
+fn a_hundred_thousand_cycles_of_a_circle_touch_no_heap() {
+    let mut rig = Rig::new(common::machine("reference"), 9);
+    rig.enable();
+    let mut motion = circle(2000.0, Direction::Ccw);
+    motion.circle.revolutions = 3;
+    let (x, y) = motion.start();
+    let mut target = rig.last.axes.map(|_, axis| axis.setpoint.position);
+    (target[common::X], target[common::Y]) = (x, y);
+    let feed = Velocity::mm_per_s(100.0);
+    rig.order(Order::Line(LineMotion { target, feed, acceleration: motion.acceleration }));
+    rig.run_until_moved();
+    rig.order(Order::Circle(motion));
+    rig.order(Order::UseGains(1));
+    rig.order(Order::UseGains(0));
+
+    // Smaller than the run: a ring that runs full must not touch the heap either.
+    let (mut near, mut far) = record_ring(1 << 10);
+    let mut pace = Virtual::new(rig.machine.cycle.period);
+    let (mut measured, mut drained) = (0, 0);
+    let before = touched();
+    for cycle in 0..CYCLES {
+        pace.wait();
+        let record = rig.step();
+        measured += u64::from(record.stage.is_measured);
+        near.put(record);
+        pace.finish();
+        if cycle < CYCLES / 2 {
+            drained += u64::from(far.ring.pop().is_ok());
+        }
+    }
+    let after = touched();
+    assert_eq!(after - before, 0, "allocations and frees in {CYCLES} cycles");
+    assert!(measured > 90_000, "{measured} cycles of a circle");
+    assert!(drained > 49_000 && near.lost() > 48_000, "the ring was drained and then ran full");
+    assert!(rig.last.axes.as_slice().iter().all(|axis| axis.mode == ModeTag::Moving), "{:?}", rig.modes());
+}
