@@ -17,9 +17,10 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::mpsc::{SyncSender, sync_channel};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
+
+use crossbeam::channel::{Sender, bounded};
 
 use crate::base::record::CycleRecord;
 
@@ -190,14 +191,14 @@ impl Task {
 
 /// Forces the file to the disk beside the writer, which never waits for it.
 struct Syncer {
-    ask: SyncSender<()>,
+    ask: Sender<()>,
     asked: Instant,
     thread: JoinHandle<io::Result<()>>,
 }
 
 impl Syncer {
     fn start(file: &File) -> io::Result<Self> {
-        let (ask, asked) = sync_channel(1);
+        let (ask, asked) = bounded(1);
         let file = file.try_clone()?;
         let sync = move || asked.iter().try_for_each(|()| file.sync_data());
         let thread = thread::Builder::new().name("log-sync".to_owned()).spawn(sync)?;
