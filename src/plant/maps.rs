@@ -92,11 +92,11 @@ impl Map {
     pub(super) fn apply(&self, z: &Motion, command_n: f64, friction_n: f64) -> Motion {
         let mut next = [0.0; 6];
         // Summed from the inputs to the state, smallest first; the order is part of "bit for bit".
-        for row in 0..6 {
+        for (row, value) in next.iter_mut().enumerate() {
             let inputs = self.friction[row] * friction_n + self.command[row] * command_n;
             let drive = self.force[row] * z[FORCE] + self.deflection[row] * z[D];
             let speeds = self.motor_velocity[row] * z[V_MOTOR] + self.table_velocity[row] * z[V_TABLE];
-            next[row] = (inputs + drive) + speeds;
+            *value = (inputs + drive) + speeds;
         }
         [next[0], next[1], next[2], next[3], z[X_MOTOR] + next[4]]
     }

@@ -11,7 +11,7 @@ use std::time::Instant;
 #[expect(dead_code, reason = "the cycles are run here, one by one")]
 mod circle_run;
 
-use circle_run::{paper_circle, procedure, wired};
+use circle_run::{SEED, paper_circle, procedure, wired};
 use quadrant::base::time::Moment;
 use quadrant::config::{self, Machine};
 use quadrant::rt::bus::memory::{self, End};
@@ -59,7 +59,7 @@ struct Bench {
 
 impl Bench {
     fn new(machine: &Machine) -> Self {
-        let (bus, cycle) = wired(machine);
+        let (bus, cycle) = wired(machine, SEED);
         let (host, host_far) = memory::pair(CAPACITY);
         let (machine_near, machine_far) = memory::pair(CAPACITY);
         let (ring, drain) = record_ring(CAPACITY);

@@ -13,7 +13,7 @@ mod ideal_loop;
 #[path = "../common/spread.rs"]
 mod spread;
 
-use circle_run::{Kept, paper_circle};
+use circle_run::{Kept, SEED, paper_circle};
 use ideal_loop::{Axis, Comparison};
 use quadrant::base::axis::AxisId;
 use quadrant::base::units::Current;
@@ -36,7 +36,7 @@ fn main() {
 
 fn speed(machine: &Machine) {
     let mut kept = Kept::default();
-    circle_run::run(machine, "optimal", paper_circle(1), &mut kept);
+    circle_run::run(machine, "optimal", paper_circle(1), SEED, &mut kept);
     let currents: Vec<[Current; 2]> = kept
         .0
         .iter()
