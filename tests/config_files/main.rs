@@ -31,7 +31,7 @@ fn every_shipped_machine_file_is_sound() {
 }
 
 fn problems(file: &str, text: &str) -> FileProblems {
-    match config::from_text(file, text) {
+    match config::from_texts(file, text, &Default::default()) {
         Err(problems) => *problems,
         Ok(_) => panic!("{file} is taken for sound"),
     }
@@ -86,7 +86,7 @@ fn a_fast_axis_is_fine_as_long_as_its_encoder_cannot_wrap_unseen() {
     // 2^30 counts/mm and three periods of 0.5 ms: five times 266.67 mm/s pass half of 2^32 counts.
     let text = changed(REFERENCE, "counts-per-mm = 100000", "counts-per-mm = 1_073_741_824");
     let text = changed(&text, "velocity-mm-per-s = 250.0", "velocity-mm-per-s = 266.6");
-    assert!(config::from_text("fine.toml", &text).is_ok(), "266.6 mm/s are told apart");
+    assert!(config::from_texts("fine.toml", &text, &Default::default()).is_ok(), "266.6 mm/s are told apart");
 }
 
 #[test]

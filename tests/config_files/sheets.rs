@@ -18,7 +18,7 @@ fn with_sheet(sheet: &str) -> Result<Machine, String> {
 
 #[test]
 fn a_sheet_beside_the_machine_file_comes_before_the_embedded_one() {
-    let machine = with_sheet(&SHEET.replacen("value = 5000 ", "value = 7000 ", 1)).expect("a sound sheet");
+    let machine = with_sheet(&SHEET.replacen("value = 20_000", "value = 7000", 1)).expect("a sound sheet");
     assert!(machine.axes.as_slice().iter().all(|axis| axis.sheet.watchdog_us == 7000));
 }
 
@@ -41,8 +41,8 @@ fn a_bad_sheet_is_named_at_the_axis_with_its_own_line_and_bound() {
             "DIR/encoder-board.toml:12: protocol.heartbeat-period.value: -1 ms is outside the allowed range (allowed is a whole number from 0 to 4294967295 ms)",
         ),
         (
-            "value = 5000 ",
-            "value = 7 ",
+            "value = 20_000",
+            "value = 7",
             "DIR/encoder-board.toml: watchdog (object 2001:0) is 7 us, allowed are 100 to 1000000",
         ),
         (

@@ -83,7 +83,7 @@ fn slipped(text: &str, slip: &Slip) -> String {
 
 /// Whatever is read: problems that can be shown at their places, or a machine that can be built.
 fn assert_is_judged(text: &str) {
-    match config::from_text("slipped.toml", text) {
+    match config::from_texts("slipped.toml", text, &Default::default()) {
         Err(said) => {
             assert!(!said.problems.is_empty());
             assert!(said.problems.is_sorted_by_key(|problem| problem.span.start), "{said}");
