@@ -363,9 +363,19 @@ fn swap_steps_a(feed_mm_per_s: f64) -> (f64, f64) {
     ];
     let mut rig = Rig::new(machine_with("paper", &edits), 6);
     rig.enable();
-    let order = rig.line_to(200.0, feed_mm_per_s);
-    rig.order(order);
-    rig.run(if feed_mm_per_s > 0.0 { 2_400 } else { 100 });
+    if feed_mm_per_s > 0.0 {
+        let order = rig.line_to(200.0, feed_mm_per_s);
+        rig.order(order);
+        rig.run(2_400);
+    } else {
+        // At rest after a move: the integral holds the wound-up screw.
+        let order = rig.line_to(20.0, 50.0);
+        rig.order(order);
+        rig.run_until_moved();
+        rig.run(1_000);
+        let held_a = rig.axis(X).command.current.as_a();
+        assert!(held_a.abs() > 0.1, "{held_a} A at rest");
+    }
     let mut largest_a = |cycles: u32| {
         let mut before_a = rig.axis(X).command.current.as_a();
         (0..cycles).fold(0.0, |largest: f64, _| {

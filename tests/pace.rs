@@ -28,7 +28,7 @@ impl Bus for Slow {
     fn send(&mut self, frame: &Frame) -> Result<(), SendError> {
         if Address::of(frame.id()) == Some(Address::Sync) {
             self.syncs += 1;
-            if self.syncs % self.every == 0 {
+            if self.syncs.is_multiple_of(self.every) {
                 std::thread::sleep(self.pause);
             }
         }
