@@ -10,7 +10,7 @@ use quadrant::base::fault::Fault;
 use quadrant::base::record::{CycleRecord, ModeTag};
 use quadrant::base::time::{Moment, Span};
 use quadrant::rt::bus::{Bus, Frame, Received, SendError};
-use quadrant::rt::cycle::pace::{Pace, Virtual, Wall};
+use quadrant::rt::cycle::pace::{Pace, Virtual, Wall, monotonic_now};
 use quadrant::rt::cycle::{Cycle, conduct};
 use quadrant::rt::door::{Order, Orders};
 use quadrant::rt::wire::Address;
@@ -28,7 +28,7 @@ impl Bus for Slow {
     fn send(&mut self, frame: &Frame) -> Result<(), SendError> {
         if Address::of(frame.id()) == Some(Address::Sync) {
             self.syncs += 1;
-            if self.syncs % self.every == 0 {
+            if self.syncs.is_multiple_of(self.every) {
                 std::thread::sleep(self.pause);
             }
         }
@@ -70,7 +70,7 @@ fn late_cycles_are_counted_and_never_caught_up_in_a_burst() {
     const PERIOD: Span = Span::us(500);
     // Every 200th cycle takes four periods and a bit.
     let pause = Duration::from_micros(2_100);
-    let records = run(&mut Wall::new(PERIOD), 200, pause, 2_000);
+    let records = run(&mut Wall::starting_at(monotonic_now() + PERIOD, PERIOD), 200, pause, 2_000);
     let mut skipped = 0;
     for pair in records.windows(2) {
         let [before, after] = [&pair[0], &pair[1]];
@@ -111,7 +111,12 @@ fn late_cycles_are_counted_and_never_caught_up_in_a_burst() {
 
 #[test]
 fn axes_at_rest_stand_occasional_misses() {
-    let records = run(&mut Wall::new(Span::us(500)), 400, Duration::from_micros(1_100), 1_500);
+    let records = run(
+        &mut Wall::starting_at(monotonic_now() + Span::us(500), Span::us(500)),
+        400,
+        Duration::from_micros(1_100),
+        1_500,
+    );
     let last = &records[records.len() - 1];
     assert!(last.overruns >= 6, "{} periods missed in 3 pauses of 2 or more", last.overruns);
     for (axis, row) in last.axes.iter() {

@@ -88,7 +88,6 @@ impl Map {
 
     /// The state after the step.
     #[inline]
-    #[expect(clippy::needless_range_loop, reason = "a row runs through seven columns at once")]
     pub(super) fn apply(&self, z: &Motion, command_n: f64, friction_n: f64) -> Motion {
         let mut next = [0.0; 6];
         // Summed from the inputs to the state, smallest first; the order is part of "bit for bit".

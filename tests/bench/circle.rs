@@ -137,6 +137,7 @@ fn log(machine: &Machine, records: &[CycleRecord]) {
         commit: String::new(),
         machine_name: machine.name.clone(),
         machine_text: machine.text.clone(),
+        sheets: Default::default(),
         seed: SEED,
         pace: Pace::Virtual,
         wall_at_zero_ns: 0,

@@ -10,10 +10,15 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::base::axis::AxisId;
 use crate::base::fault::Fault;
-use crate::base::record::{CycleRecord, ModeTag};
+use crate::base::record::{AxisRecord, CycleRecord, ModeTag};
+use crate::base::sample::Freshness;
 use crate::base::units::{Position, Velocity};
 use crate::rt::control::profile::{CircleMotion, LineMotion, line_duration_s};
 use crate::rt::door::{Order, Orders};
+use crate::rt::drive::state::DriveState;
+
+/// Ticks of the position loop that a drive has to let go of the current, once it is told to.
+const RELEASE_TICKS_MAX: u32 = 50;
 
 /// Most circles of one test: one each way.
 pub const CIRCLES_MAX: usize = 2;
@@ -73,13 +78,15 @@ pub struct CircleProcedure {
     test: CircleTest,
     step: Step,
     ending: Ending,
+    /// Ticks since the last step.
+    release_ticks: u32,
     stop_wish: Arc<AtomicBool>,
 }
 
 impl CircleProcedure {
     /// A test to be run; setting `stop_wish` ends it early.
     pub fn new(test: CircleTest, stop_wish: Arc<AtomicBool>) -> Self {
-        Self { test, step: Step::Enable, ending: Ending::Complete, stop_wish }
+        Self { test, step: Step::Enable, ending: Ending::Complete, release_ticks: 0, stop_wish }
     }
 
     /// How it ended, once it is done.
@@ -134,6 +141,7 @@ impl CircleProcedure {
 impl Orders for CircleProcedure {
     fn next(&mut self, last: &CycleRecord) -> Option<Order> {
         self.watch(last);
+        self.release_ticks += u32::from(self.step == Step::Done);
         let is_ready = Self::is_everywhere(last, ModeTag::Ready);
         let circle = |index: usize| self.test.circles.get(index).copied().flatten();
         let (order, step) = match self.step {
@@ -164,8 +172,17 @@ impl Orders for CircleProcedure {
     }
 
     fn is_done(&self, last: &CycleRecord) -> bool {
-        let is_at_rest = |mode: ModeTag| matches!(mode, ModeTag::Off | ModeTag::Faulted);
-        self.step == Step::Done && last.axes.as_slice().iter().all(|axis| is_at_rest(axis.mode))
+        let is_at_rest = |axis: &AxisRecord| matches!(axis.mode, ModeTag::Off | ModeTag::Faulted);
+        // The order to let go acts at a later SYNC: ending before would leave it to the boards' watchdogs.
+        // A board that is not heard, or does not obey, is left to its watchdog after all.
+        let is_released = |axis: &AxisRecord| {
+            axis.sample.freshness != Freshness::Fresh
+                || DriveState::decode(axis.sample.raw.status_word) != Some(DriveState::OperationEnabled)
+        };
+        let axes = last.axes.as_slice();
+        self.step == Step::Done
+            && axes.iter().all(is_at_rest)
+            && (axes.iter().all(is_released) || self.release_ticks > RELEASE_TICKS_MAX)
     }
 }
 
@@ -182,5 +199,23 @@ mod tests {
         assert_eq!(procedure.next(&off), None);
         assert!(procedure.is_done(&off), "it waits for axes that nobody will enable");
         assert_eq!(procedure.ending(), Ending::Interrupted);
+    }
+
+    #[test]
+    fn a_run_ends_when_the_drives_have_let_go_or_would_not() {
+        let test = CircleTest { gain_set: 0, circles: [None; 2], positioning_feed: Velocity::mm_per_s(10.0) };
+        let mut procedure = CircleProcedure::new(test, Arc::default());
+        procedure.step = Step::Done;
+        let mut last = CycleRecord::empty(2);
+        let sample = &mut last.axes[AxisId::Y].sample;
+        sample.freshness = Freshness::Fresh;
+        sample.raw.status_word = DriveState::OperationEnabled.status_word();
+        assert!(!procedure.is_done(&last), "the drive of y still gives current");
+        let mut obeys = last;
+        obeys.axes[AxisId::Y].sample.raw.status_word = DriveState::SwitchOnDisabled.status_word();
+        assert!(procedure.is_done(&obeys));
+        let ticks =
+            (0..1_000).take_while(|_| procedure.next(&last).is_none() && !procedure.is_done(&last)).count();
+        assert_eq!(ticks, RELEASE_TICKS_MAX as usize, "ticks of the position loop until it gives up");
     }
 }

@@ -1,0 +1,295 @@
+//! The ways in which things go wrong, with what each may cost in time and way.
+
+use std::cell::Cell;
+
+use quadrant::base::axis::AxisId;
+use quadrant::base::fault::Fault;
+use quadrant::rt::bus::Frame;
+use quadrant::rt::door::Order;
+use quadrant::rt::wire::command::{self, RawCommand};
+use quadrant::rt::wire::scaling::{CurrentCounts, TravelCounts};
+use quadrant::rt::wire::{Address, Node};
+
+use crate::common::{Fate, Rig, X, Y};
+
+/// What a scenario does to a rig that runs: breaks it, and mends it afterwards.
+pub(crate) struct Scenario {
+    pub(crate) fault: Fault,
+    pub(crate) name: &'static str,
+    pub(crate) edits: &'static [(&'static str, &'static str)],
+    /// Whether it strikes while the axes move or before they are enabled.
+    pub(crate) strikes: Strikes,
+    pub(crate) break_it: fn(&mut Rig),
+    pub(crate) mend_it: fn(&mut Rig),
+    /// Periods from the break until the drive of X gives no current.
+    pub(crate) cycles_max: u64,
+    /// Way of the motor of X from the break until it stands, mm.
+    pub(crate) way_mm_max: f64,
+    /// What stands there once it is mended and cleared: the position may not be trusted any more.
+    pub(crate) afterwards: Option<Fault>,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Strikes {
+    Moving,
+    Enabling,
+}
+
+pub(crate) fn node(axis: AxisId) -> Node {
+    Node::new(axis.index() as u8 + 1).expect("a node number")
+}
+
+/// Change each command to X.
+pub(crate) fn with_commands(rig: &mut Rig, mut change: impl FnMut(&mut RawCommand) -> Fate + 'static) {
+    rig.line.outgoing = Box::new(move |frame: &mut Frame| {
+        if Address::of(frame.id()) != Some(Address::Command(node(X))) {
+            return Fate::Pass;
+        }
+        let mut raw = command::decode(frame).expect("the host sends whole commands");
+        let fate = change(&mut raw);
+        *frame = command::encode(node(X), &raw);
+        fate
+    });
+}
+
+pub(crate) fn good_line(rig: &mut Rig) {
+    rig.line.outgoing = Box::new(|_| Fate::Pass);
+    rig.line.incoming = Box::new(|_| Fate::Pass);
+}
+
+pub(crate) fn lose(rig: &mut Rig, address: Address) {
+    rig.line.incoming =
+        Box::new(move |frame| if Address::of(frame.id()) == Some(address) { Fate::Lost } else { Fate::Pass });
+}
+
+pub(crate) fn board(rig: &mut Rig) -> &mut quadrant::sim::board::Board {
+    rig.line.wired.rack_mut().board_mut(X)
+}
+
+pub(crate) const GENTLE: Scenario = Scenario {
+    fault: Fault::FeedbackLost,
+    name: "",
+    edits: &[],
+    strikes: Strikes::Moving,
+    break_it: |_| (),
+    mend_it: good_line,
+    cycles_max: 8,
+    way_mm_max: 20.0,
+    afterwards: None,
+};
+/// Without current friction brakes 2.6 t with 0.95 kN: 14 mm from 100 mm/s.
+pub(crate) const RAMP_WAY_MM_MAX: f64 = 30.0;
+/// A ramp at 0.5 m/s^2 from 100 mm/s takes 0.31 s, and the lag of the position loop 0.6 s.
+pub(crate) const RAMP_CYCLES_MAX: u64 = 3_000;
+
+pub(crate) fn scenarios() -> Vec<Scenario> {
+    vec![
+        Scenario {
+            name: "board sends nothing",
+            break_it: |rig| board(rig).set_silent(true),
+            mend_it: |rig| board(rig).set_silent(false),
+            ..GENTLE
+        },
+        Scenario {
+            name: "feedback frames lost",
+            break_it: |rig| lose(rig, Address::Feedback(node(X))),
+            ..GENTLE
+        },
+        Scenario {
+            fault: Fault::DriveFault,
+            name: "over-current trip of the drive",
+            break_it: |rig| board(rig).trip_drive(0x2310, 7),
+            ..GENTLE
+        },
+        Scenario {
+            fault: Fault::FollowingError,
+            name: "encoder frozen",
+            break_it: |rig| board(rig).set_encoder_frozen(true),
+            mend_it: |rig| board(rig).set_encoder_frozen(false),
+            cycles_max: 60,
+            way_mm_max: 60.0,
+            // Its next reading is far from the last.
+            afterwards: Some(Fault::EncoderJump),
+            ..GENTLE
+        },
+        Scenario {
+            fault: Fault::FollowingError,
+            name: "motor without torque",
+            break_it: |rig| {
+                with_commands(rig, |raw| {
+                    raw.current = CurrentCounts::ZERO;
+                    Fate::Pass
+                });
+            },
+            cycles_max: 400,
+            way_mm_max: 20.0,
+            ..GENTLE
+        },
+        Scenario {
+            fault: Fault::Travel,
+            name: "driven out of its travel",
+            // The way to the end at 5 mm is shorter than the axis takes; only the loop's hold is broken.
+            // The setpoint is held at 5 mm; a drive that pushes on its own takes the axis out. The ramp
+            // does not help against it: at 5 mm from its response the axis loses its current.
+            edits: &[
+                ("travel-max-mm = 250.0", "travel-max-mm = 5.0"),
+                ("following-error-mm = 1.0", "following-error-mm = 5.0"),
+            ],
+            break_it: |rig| {
+                with_commands(rig, |raw| {
+                    raw.current = CurrentCounts::ua(3_000_000);
+                    Fate::Pass
+                });
+            },
+            cycles_max: 500,
+            way_mm_max: 10.0,
+            ..GENTLE
+        },
+        Scenario {
+            fault: Fault::Overspeed,
+            name: "drive pushes at 20 A",
+            edits: &[("following-error-mm = 1.0", "following-error-mm = 100.0")],
+            break_it: |rig| {
+                with_commands(rig, |raw| {
+                    raw.current = CurrentCounts::ua(20_000_000);
+                    Fate::Pass
+                });
+            },
+            cycles_max: 150,
+            way_mm_max: 160.0,
+            ..GENTLE
+        },
+        Scenario {
+            fault: Fault::Overcurrent,
+            name: "drive makes 25 A",
+            break_it: |rig| {
+                with_commands(rig, |raw| {
+                    raw.current = CurrentCounts::ua(25_000_000);
+                    Fate::Pass
+                });
+            },
+            cycles_max: 20,
+            ..GENTLE
+        },
+        Scenario {
+            fault: Fault::EnableTimeout,
+            name: "drive never enables",
+            strikes: Strikes::Enabling,
+            break_it: |rig| {
+                with_commands(rig, |raw| {
+                    raw.control_word = 0;
+                    Fate::Pass
+                });
+            },
+            cycles_max: 2_010,
+            way_mm_max: 1e-6,
+            ..GENTLE
+        },
+        Scenario {
+            fault: Fault::HeartbeatLost,
+            name: "heartbeats lost",
+            break_it: |rig| lose(rig, Address::Heartbeat(node(X))),
+            cycles_max: 700 + RAMP_CYCLES_MAX,
+            way_mm_max: 40.0 + RAMP_WAY_MM_MAX,
+            ..GENTLE
+        },
+        Scenario {
+            fault: Fault::BoardWatchdog,
+            name: "commands withheld",
+            break_it: |rig| with_commands(rig, |_| Fate::Lost),
+            cycles_max: 15,
+            ..GENTLE
+        },
+        Scenario {
+            fault: Fault::BoardReset,
+            name: "board restarts",
+            break_it: |rig| {
+                let now = rig.last.timing.scheduled;
+                board(rig).reset(now);
+            },
+            afterwards: Some(Fault::BoardReset),
+            ..GENTLE
+        },
+        Scenario {
+            fault: Fault::EncoderJump,
+            name: "encoder jumps by 1 mm",
+            break_it: |rig| board(rig).jump_encoder(TravelCounts::counts(104_858)),
+            afterwards: Some(Fault::EncoderJump),
+            ..GENTLE
+        },
+        Scenario {
+            fault: Fault::EncoderJump,
+            name: "board distrusts its encoder",
+            break_it: |rig| board(rig).set_encoder_error(true),
+            mend_it: |rig| board(rig).set_encoder_error(false),
+            afterwards: Some(Fault::EncoderJump),
+            ..GENTLE
+        },
+        Scenario {
+            fault: Fault::OtherAxis,
+            name: "the other board sends nothing",
+            break_it: |rig| rig.line.wired.rack_mut().board_mut(Y).set_silent(true),
+            mend_it: |rig| rig.line.wired.rack_mut().board_mut(Y).set_silent(false),
+            cycles_max: RAMP_CYCLES_MAX,
+            way_mm_max: RAMP_WAY_MM_MAX,
+            ..GENTLE
+        },
+        Scenario {
+            fault: Fault::DriveDropped,
+            name: "drive told to disable by somebody else",
+            break_it: |rig| {
+                let once = Cell::new(true);
+                with_commands(rig, move |raw| {
+                    if once.replace(false) {
+                        raw.control_word = 0x07;
+                    }
+                    Fate::Pass
+                });
+            },
+            ..GENTLE
+        },
+        Scenario {
+            fault: Fault::SendFailed,
+            name: "bus refuses commands",
+            break_it: |rig| with_commands(rig, |_| Fate::Refused),
+            cycles_max: 15,
+            ..GENTLE
+        },
+        Scenario {
+            fault: Fault::SendFailed,
+            name: "bus refuses SYNC",
+            break_it: |rig| {
+                // Once: the simulated machine takes its time from the SYNC.
+                let once = Cell::new(true);
+                rig.line.outgoing = Box::new(move |frame| match Address::of(frame.id()) {
+                    Some(Address::Sync) if once.replace(false) => Fate::Refused,
+                    _ => Fate::Pass,
+                });
+            },
+            ..GENTLE
+        },
+        Scenario {
+            fault: Fault::Overrun,
+            name: "21 periods missed",
+            break_it: |rig| {
+                // Three at a time: a longer pause would be seen as lost feedback first.
+                for _ in 0..7 {
+                    rig.skip(3);
+                    rig.step();
+                }
+            },
+            cycles_max: RAMP_CYCLES_MAX,
+            way_mm_max: RAMP_WAY_MM_MAX + 3.0,
+            ..GENTLE
+        },
+        Scenario {
+            fault: Fault::StopTimeout,
+            name: "stop takes longer than allowed",
+            edits: &[("stop-timeout-ms = 5000", "stop-timeout-ms = 100")],
+            break_it: |rig| rig.order(Order::Stop),
+            cycles_max: 210,
+            way_mm_max: RAMP_WAY_MM_MAX,
+            ..GENTLE
+        },
+    ]
+}
