@@ -188,7 +188,8 @@ impl Body {
     }
 
     /// The state after sliding for one step: friction predicted at its start, corrected by its mean.
-    #[inline]
+    // Always: as a call, whose answer goes through memory, a tick takes 25.5 ns instead of 19.5 ns.
+    #[inline(always)]
     fn slid(&self, map: &maps::Map, command_n: f64) -> Motion {
         let start_n = self.law.magnitude_n(self.table_speed());
         let mut end = map.apply(&self.motion, command_n, start_n * self.slide);
