@@ -84,7 +84,7 @@ pub struct AxisLoop {
     velocity_error_rad_per_s: f64,
     held_velocity: Acted,
     /// Ticks since the position loop acted, and whether one of its own was missed meanwhile.
-    ticks_since_position: u32,
+    periods_since_position: u32,
     is_position_due: bool,
     reach: (Position, Position),
     gain_set: u8,
@@ -104,7 +104,7 @@ impl AxisLoop {
             velocity_command: Velocity::ZERO,
             velocity_error_rad_per_s: 0.0,
             held_velocity: Acted::NONE,
-            ticks_since_position: settings.position_every,
+            periods_since_position: settings.position_every,
             is_position_due: false,
             reach: settings.limits.reach_from(Position::ZERO),
             gain_set: 0,
@@ -142,15 +142,21 @@ impl AxisLoop {
         self.velocity_command = sample.velocity.clamp_abs(self.settings.limits.velocity);
         self.velocity_error_rad_per_s = 0.0;
         self.held_velocity = Acted::NONE;
-        self.ticks_since_position = self.settings.position_every;
+        self.periods_since_position = self.settings.position_every;
         self.is_position_due = false;
     }
 
-    /// So many ticks went by without a fresh sample. The axis moves on meanwhile, and so does its expected
-    /// response; a tick of the position loop among them is made up for at the next sample.
-    pub fn miss(&mut self, ticks: u32, is_position_tick: bool) {
-        self.position.coast(self.settings.tick.as_s() * f64::from(ticks));
-        self.ticks_since_position = self.ticks_since_position.saturating_add(ticks);
+    /// Time passes, with or without a cycle and fresh feedback: the expected response moves on, as the
+    /// axis does.
+    pub fn pass(&mut self, periods: u64) {
+        let periods = u32::try_from(periods).unwrap_or(u32::MAX);
+        self.position.coast(self.settings.tick.as_s() * f64::from(periods));
+        self.periods_since_position = self.periods_since_position.saturating_add(periods);
+    }
+
+    /// A cycle without fresh feedback: nothing is computed, and a tick of the position loop is made up
+    /// for at the next sample.
+    pub fn miss(&mut self, is_position_tick: bool) {
         self.is_position_due |= is_position_tick;
     }
 
@@ -170,12 +176,6 @@ impl AxisLoop {
         self.gain_set = set;
     }
 
-    /// Time passes, with or without a cycle: the expected response goes on over skipped periods as the
-    /// axis does.
-    pub fn pass(&mut self, periods: u64) {
-        self.position.coast(self.settings.tick.as_s() * periods as f64);
-    }
-
     /// One tick. `is_position_tick` says whether the position loop acts in it.
     pub fn step(&mut self, setpoint: &Setpoint, sample: &Sample, is_position_tick: bool) -> Answer {
         let gains = self.settings.gain_sets[usize::from(self.gain_set)];
@@ -183,7 +183,6 @@ impl AxisLoop {
         if is_position_tick || self.is_position_due {
             self.position_tick(&gains.position, &setpoint, sample);
         }
-        self.ticks_since_position = self.ticks_since_position.saturating_add(1);
         let feed_forward = self.model.feed_forward(&gains.compensation, &self.position);
 
         let error = self.velocity_command - sample.velocity;
@@ -213,8 +212,10 @@ impl AxisLoop {
     }
 
     fn position_tick(&mut self, gains: &position::Gains, setpoint: &Setpoint, sample: &Sample) {
-        let since_s = self.settings.tick.as_s() * f64::from(self.ticks_since_position.max(1));
-        self.ticks_since_position = 0;
+        // A late tick may not take a larger step than one in time.
+        let periods = self.periods_since_position.clamp(1, self.settings.position_every);
+        let since_s = self.settings.tick.as_s() * f64::from(periods);
+        self.periods_since_position = 0;
         self.is_position_due = false;
         self.position.update(gains, setpoint, sample.position, since_s);
         let limits = &self.settings.limits;

@@ -99,9 +99,7 @@ impl Cycle {
         self.pass(slot);
         self.decide(wish, &observed, slot);
         self.profile.advance(now);
-        // Slots that the grid skipped since the last cycle.
-        let skipped = (slot.number - self.record.cycle).saturating_sub(1);
-        self.control(&observed, is_position_tick, u32::try_from(skipped).unwrap_or(u32::MAX));
+        self.control(&observed, is_position_tick);
         self.is_send_refused = self.drives.dispatch(bus, &self.commands, slot.number).is_err();
         self.write_record(&observed, slot)
     }
@@ -193,7 +191,7 @@ impl Cycle {
     }
 
     /// A command for each axis: the loops where current may flow, zero where not.
-    fn control(&mut self, observed: &PerAxis<Observation>, is_position_tick: bool, skipped: u32) {
+    fn control(&mut self, observed: &PerAxis<Observation>, is_position_tick: bool) {
         for (axis, command) in self.commands.iter_mut() {
             let (mode, observation) = (self.modes[axis], &observed[axis]);
             let answer = &mut self.answers[axis];
@@ -202,12 +200,11 @@ impl Cycle {
                 self.profile.stand(axis, observation.sample.position);
                 *answer = Answer::default();
             } else if observation.sample.freshness == Freshness::Fresh {
-                self.loops[axis].miss(skipped, false);
                 let setpoint = &self.profile.setpoints()[axis];
                 *answer = self.loops[axis].step(setpoint, &observation.sample, is_position_tick);
             } else {
                 // The last answer stands until fresh feedback comes or the fault takes it away.
-                self.loops[axis].miss(skipped.saturating_add(1), is_position_tick);
+                self.loops[axis].miss(is_position_tick);
             }
             let target = match mode {
                 Mode::Off => Target::FaultReset,
