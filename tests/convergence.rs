@@ -35,7 +35,7 @@ fn a_step_25_times_smaller_changes_nothing_that_counts() {
         .map(|axis| {
             let comparison = Comparison::new(axis);
             let [coarse, fine] = [FINE_STEPS, 25 * FINE_STEPS].map(|steps| comparison.protrusion(steps));
-            (coarse.motor_um - fine.motor_um).abs()
+            (coarse.motor_um - fine.motor_um).abs().max((coarse.table_um - fine.table_um).abs())
         })
         .collect();
     off_um.sort_by(f64::total_cmp);
