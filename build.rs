@@ -1,10 +1,14 @@
 //! Tells the program the commit it is built from, so that every log and report can name it.
 
+use std::path::Path;
 use std::process::Command;
 
 fn main() {
-    println!("cargo::rerun-if-changed=.git/HEAD");
-    println!("cargo::rerun-if-changed=.git/index");
+    // Naming a file that is not there would build everything anew each time.
+    for watched in [".git/HEAD", ".git/index", "build.rs"].into_iter().filter(|path| Path::new(path).exists())
+    {
+        println!("cargo::rerun-if-changed={watched}");
+    }
     let git = |arguments: &[&str]| {
         let output = Command::new("git").args(arguments).output().ok()?;
         let text = String::from_utf8(output.stdout).ok()?;

@@ -246,7 +246,7 @@ fn when_the_host_dies_the_board_takes_the_current_away() {
 fn commands_that_never_act_do_not_feed_the_board_watchdog() {
     let mut rig = prepared(&GENTLE);
     let mut at = rig.last.timing.scheduled;
-    for sequence in 1..=12 {
+    for sequence in 1..=42 {
         at = at + rig.machine.cycle.period;
         let raw = RawCommand {
             sequence: sequence + 100,
@@ -255,5 +255,5 @@ fn commands_that_never_act_do_not_feed_the_board_watchdog() {
         };
         board(&mut rig).hear(&command::encode(node(X), &raw), at);
     }
-    assert_eq!(board(&mut rig).drive(), DriveState::QuickStopActive, "6 ms without a SYNC");
+    assert_eq!(board(&mut rig).drive(), DriveState::QuickStopActive, "21 ms without a SYNC");
 }

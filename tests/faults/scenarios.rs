@@ -133,6 +133,7 @@ pub(crate) fn scenarios() -> Vec<Scenario> {
             // does not help against it: at 5 mm from its response the axis loses its current.
             edits: &[
                 ("travel-max-mm = 250.0", "travel-max-mm = 5.0"),
+                ("travel-margin-mm = 5.0", "travel-margin-mm = 2.0"),
                 ("following-error-mm = 1.0", "following-error-mm = 5.0"),
             ],
             break_it: |rig| {
@@ -197,7 +198,8 @@ pub(crate) fn scenarios() -> Vec<Scenario> {
             fault: Fault::BoardWatchdog,
             name: "commands withheld",
             break_it: |rig| with_commands(rig, |_| Fate::Lost),
-            cycles_max: 15,
+            // The watchdog of the sheet, 40 periods, and the way there and back.
+            cycles_max: 45,
             ..GENTLE
         },
         Scenario {

@@ -27,6 +27,8 @@ const TIGHT: &[(&str, &str)] = &[
     ("current-a = 20.0", "current-a = 4.0"),
     ("travel-max-mm = 250.0", "travel-max-mm = 15.0"),
     ("following-error-mm = 1.0", "following-error-mm = 8.0"),
+    ("positioning-feed-mm-per-min = 6000.0", "positioning-feed-mm-per-min = 3600.0"),
+    ("path-acceleration-m-per-s2 = 0.5", "path-acceleration-m-per-s2 = 0.3"),
 ];
 
 /// Something that happens to a machine, and for how many cycles it is watched then.
@@ -162,11 +164,13 @@ fn an_ordinary_motion_meets_each_limit_and_each_reports_itself() {
 
 #[test]
 fn an_axis_is_enabled_where_it_stands_outside_its_travel_and_comes_back() {
-    let edits = [
-        ("travel-min-mm = -250.0", "travel-min-mm = 10.0"),
-        ("travel-margin-mm = 2.0", "travel-margin-mm = 1.0"),
-    ];
-    let mut rig = Rig::new(machine_with("reference", &edits), 6);
+    // No machine file may say so; an axis comes there by being pushed out of its travel.
+    let mut machine = machine_with("reference", &[]);
+    for (_, axis) in machine.axes.iter_mut() {
+        axis.control.limits.travel_min = Position::mm(10.0);
+        axis.control.limits.travel_margin = Position::mm(1.0);
+    }
+    let mut rig = Rig::new(machine, 6);
     rig.enable();
     rig.run(2_000);
     assert_eq!(rig.axis(X).mode, ModeTag::Ready, "{:?}", rig.modes());
