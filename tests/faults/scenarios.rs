@@ -81,6 +81,9 @@ pub(crate) const GENTLE: Scenario = Scenario {
 pub(crate) const RAMP_WAY_MM_MAX: f64 = 30.0;
 /// A ramp at 0.5 m/s^2 from 100 mm/s takes 0.31 s, and the lag of the position loop 0.6 s.
 pub(crate) const RAMP_CYCLES_MAX: u64 = 3_000;
+/// Where no command gets through, the board's watchdog acts: 40 periods by its sheet, and the way there
+/// and back.
+const WATCHDOG_CYCLES_MAX: u64 = 45;
 
 pub(crate) fn scenarios() -> Vec<Scenario> {
     vec![
@@ -198,8 +201,7 @@ pub(crate) fn scenarios() -> Vec<Scenario> {
             fault: Fault::BoardWatchdog,
             name: "commands withheld",
             break_it: |rig| with_commands(rig, |_| Fate::Lost),
-            // The watchdog of the sheet, 40 periods, and the way there and back.
-            cycles_max: 45,
+            cycles_max: WATCHDOG_CYCLES_MAX,
             ..GENTLE
         },
         Scenario {
@@ -254,7 +256,7 @@ pub(crate) fn scenarios() -> Vec<Scenario> {
             fault: Fault::SendFailed,
             name: "bus refuses commands",
             break_it: |rig| with_commands(rig, |_| Fate::Refused),
-            cycles_max: 15,
+            cycles_max: WATCHDOG_CYCLES_MAX,
             ..GENTLE
         },
         Scenario {
