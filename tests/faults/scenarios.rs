@@ -289,7 +289,11 @@ pub(crate) fn scenarios() -> Vec<Scenario> {
         Scenario {
             fault: Fault::StopTimeout,
             name: "stop takes longer than allowed",
-            edits: &[("stop-timeout-ms = 5000", "stop-timeout-ms = 100")],
+            // Long enough for the brake, not for the position loop to run out its lag.
+            edits: &[
+                ("stop-timeout-ms = 5000", "stop-timeout-ms = 100"),
+                ("path-acceleration-m-per-s2 = 0.5", "path-acceleration-m-per-s2 = 5.0"),
+            ],
             break_it: |rig| rig.order(Order::Stop),
             cycles_max: 210,
             way_mm_max: RAMP_WAY_MM_MAX,
