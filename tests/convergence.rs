@@ -3,7 +3,6 @@
 //! nanometres. `cargo bench --bench plant` prints the whole table.
 
 #[path = "common/ideal_loop.rs"]
-#[expect(dead_code, reason = "judged at the motor; the benchmark shows the table too")]
 mod ideal_loop;
 #[path = "common/spread.rs"]
 mod spread;
