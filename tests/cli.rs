@@ -267,7 +267,7 @@ fn patient_machine(folder: &Path) -> PathBuf {
     let sheet = read("encoder-board.toml").replace("value = 20_000", "value = 500_000");
     fs::write(folder.join("encoder-board.toml"), sheet).unwrap();
     let machine =
-        read("machines/reference.toml").replace("overrun-misses-max = 20 ", "overrun-misses-max = 20000");
+        read("machines/reference.toml").replace("overrun-misses-max = 60 ", "overrun-misses-max = 60000");
     let path = folder.join("patient.toml");
     fs::write(&path, machine).unwrap();
     path

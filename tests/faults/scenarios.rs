@@ -274,10 +274,10 @@ pub(crate) fn scenarios() -> Vec<Scenario> {
         },
         Scenario {
             fault: Fault::Overrun,
-            name: "21 periods missed",
+            name: "63 periods missed",
             break_it: |rig| {
                 // Three at a time: a longer pause would be seen as lost feedback first.
-                for _ in 0..7 {
+                for _ in 0..21 {
                     rig.skip(3);
                     rig.step();
                 }
