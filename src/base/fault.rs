@@ -108,6 +108,10 @@ impl Fault {
             Self::StopTimeout => "stop-timeout",
         }
     }
+    /// The page about it, from the top of the project.
+    pub fn page(self) -> String {
+        format!("docs/faults/{:02}-{}.md", self.number(), self.name())
+    }
     /// How the axis comes to rest.
     pub const fn stop(self) -> StopCategory {
         match self {

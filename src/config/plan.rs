@@ -15,6 +15,8 @@ use crate::rt::cycle::procedure::{CIRCLES_MAX, CircleTest};
 
 /// Most turns of one test.
 pub const REVOLUTIONS_MAX: u32 = 1_000;
+/// Longest test: its cycles and those of its twin are kept in memory, 3 MB for a second.
+const DURATION_S_MAX: f64 = 1_800.0;
 /// What the lag has to settle to before the evaluated turns.
 const SETTLED: Position = Position::um(1e-3);
 /// Shortest run-in and length of the run-out, s.
@@ -101,16 +103,29 @@ impl Machine {
             self.check_acceleration(&motion)?;
             *slot = Some(motion);
         }
+        let duration_s: f64 = circles.iter().flatten().map(CircleMotion::duration_s).sum();
+        within(
+            "duration of the test",
+            duration_s,
+            (0.0, DURATION_S_MAX),
+            "s",
+            "all of it is kept in memory",
+        )?;
         Ok(CircleTest { gain_set, circles, positioning_feed: self.motion.positioning_feed })
     }
 
     fn check_circle(&self, circle: &Circle) -> Result<(), PlanError> {
+        let angle_deg = circle.start_angle_rad.to_degrees();
+        within("start angle", angle_deg, (-360.0, 360.0), "deg", "one turn")?;
         let radius_mm = circle.radius.as_mm();
         within("radius", radius_mm, (0.01, 1e5), "mm", "a circle")?;
         within("revolutions", circle.revolutions.into(), (1.0, REVOLUTIONS_MAX.into()), "turns", "one test")?;
         for (axis, centre) in [(AxisId::X, circle.centre_x), (AxisId::Y, circle.centre_y)] {
             let name = AXIS_NAMES[axis.index()];
             let limits = &self.axes[axis].control.limits;
+            let travel = (limits.travel_min.as_mm(), limits.travel_max.as_mm());
+            let why = format!("axis {name}: travel-min-mm and travel-max-mm");
+            within(format!("centre {name}"), centre.as_mm(), travel, "mm", why)?;
             let room = (limits.travel_max - centre).as_mm().min((centre - limits.travel_min).as_mm());
             let why = format!("axis {name}: travel-min-mm and travel-max-mm around the centre");
             within("radius", radius_mm, (0.01, room.max(0.01)), "mm", why)?;

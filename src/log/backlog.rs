@@ -10,7 +10,7 @@ use std::collections::VecDeque;
 use std::fs::File;
 use std::io::{ErrorKind, Write};
 
-/// Most bytes that wait for the disk: at 2 kHz and two axes about half a minute.
+/// Most bytes that wait for the disk: at 2 kHz and two axes about a quarter of a minute.
 const WAITING_BYTES_MAX: usize = 8 << 20;
 
 /// A stretch of the file that is of use only as a whole: the header, a chunk, the index.

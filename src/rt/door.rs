@@ -1,7 +1,8 @@
-//! The only way across the fence around the cycle: orders in, records out, both wait-free rings.
+//! The only way across the fence around the cycle: orders in, records out.
 //!
-//! The cycle takes at most one order at a time and never waits for one; a record that finds the ring
-//! full is dropped and counted, and the count travels in every later record.
+//! The cycle asks its source of orders for at most one at a time and never waits for one. Records leave
+//! through a wait-free ring; one that finds it full is dropped and counted, and the count travels in
+//! every later record.
 //! Invariant: nothing on the cycle's side of the door blocks, allocates or frees.
 
 use std::sync::Arc;
@@ -51,7 +52,8 @@ pub trait Records {
 pub struct RecordRing {
     ring: rtrb::Producer<CycleRecord>,
     lost: Arc<AtomicU64>,
-    done: Arc<AtomicU64>,
+    cycles: Arc<AtomicU64>,
+    overruns: Arc<AtomicU64>,
 }
 
 /// The other end: records to be written, and the counters shared with the cycle.
@@ -61,16 +63,23 @@ pub struct RecordDrain {
     pub ring: rtrb::Consumer<CycleRecord>,
     /// Records lost; the writer adds what it cannot write.
     pub lost: Arc<AtomicU64>,
-    /// Cycles run so far, for a progress display.
+    /// Cycles run so far, for progress and supervision.
     pub cycles: Arc<AtomicU64>,
+    /// Periods skipped so far.
+    pub overruns: Arc<AtomicU64>,
 }
 
 /// A ring for `capacity` records.
 pub fn record_ring(capacity: usize) -> (RecordRing, RecordDrain) {
     let (producer, consumer) = rtrb::RingBuffer::new(capacity);
-    let (lost, cycles) = (Arc::new(AtomicU64::new(0)), Arc::new(AtomicU64::new(0)));
-    let near = RecordRing { ring: producer, lost: Arc::clone(&lost), done: Arc::clone(&cycles) };
-    (near, RecordDrain { ring: consumer, lost, cycles })
+    let [lost, cycles, overruns] = [(); 3].map(|()| Arc::new(AtomicU64::new(0)));
+    let near = RecordRing {
+        ring: producer,
+        lost: Arc::clone(&lost),
+        cycles: Arc::clone(&cycles),
+        overruns: Arc::clone(&overruns),
+    };
+    (near, RecordDrain { ring: consumer, lost, cycles, overruns })
 }
 
 impl RecordRing {
@@ -92,14 +101,16 @@ impl Records for RecordRing {
         } else {
             self.lost.fetch_add(1, Ordering::Relaxed);
         }
-        self.done.store(record.cycle + 1, Ordering::Relaxed);
+        self.cycles.fetch_add(1, Ordering::Relaxed);
+        self.overruns.store(record.overruns, Ordering::Relaxed);
     }
     fn lost(&self) -> u64 {
         self.lost.load(Ordering::Relaxed)
     }
 }
 
-/// The same records to two places, as a log and a live view; losses are those of the first.
+/// The same records to two places, as a log and a live view; losses are those of the first, and a
+/// trace shows its own as missing cycles.
 #[derive(Debug)]
 pub struct Both<A, B>(pub A, pub B);
 

@@ -19,7 +19,7 @@ use std::time::SystemTime;
 
 use anyhow::Context;
 use clap::Parser;
-use tokio::signal::unix::{SignalKind, signal};
+use tokio::signal::unix::{Signal, SignalKind, signal};
 use tracing::{error, info};
 
 use crate::base::record::CycleRecord;
@@ -29,13 +29,13 @@ use crate::log::{Header, Pace, WriteOutcome, Writer, header};
 use crate::rt::cycle::pace::{Wall, monotonic_now};
 use crate::rt::cycle::standby::Standby;
 use crate::rt::cycle::{Cycle, conduct};
-use crate::rt::door::{RecordRing, record_ring};
+use crate::rt::door::record_ring;
 use crate::sim::closed_loop::Wired;
 
 /// Records on their way to the disk: four seconds of a cycle at 2 kHz.
 const RING_RECORDS: usize = 8_192;
 /// From the start of the threads to the first slot.
-const LEAD: Span = Span::ms(50);
+const LEAD: Span = Span::ms(200);
 /// Version and commit, as in logs.
 const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), " (", env!("QUADRANT_COMMIT"), ")");
 
@@ -78,6 +78,7 @@ struct Shared {
     stop_wish: Arc<AtomicBool>,
     cycles: Arc<AtomicU64>,
     lost: Arc<AtomicU64>,
+    overruns: Arc<AtomicU64>,
 }
 
 /// Run until a signal; whether everything is in the log and no axis faulted.
@@ -93,23 +94,31 @@ fn serve(arguments: &Arguments) -> anyhow::Result<bool> {
         stop_wish: Arc::new(AtomicBool::new(false)),
         cycles: Arc::clone(&drain.cycles),
         lost: Arc::clone(&drain.lost),
+        overruns: Arc::clone(&drain.overruns),
     };
-    let origin = monotonic_now() + LEAD;
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    // Before anything runs: from here on a signal is a wish to stop, not the end.
+    let mut signals = runtime.block_on(async { Signals::new() })?;
     let (path, header) = log_header(&machine, arguments)?;
+    let origin = monotonic_now() + LEAD;
     let writer = Writer::start(&path, header, drain.ring, drain.lost)?;
     info!(log = %path.display(), "logging every cycle");
 
     let mut orders = Standby::new(arguments.hold, Arc::clone(&shared.stop_wish));
     let period = machine.cycle.period;
     let conductor = std::thread::Builder::new().name("cycle".to_owned()).spawn(move || {
-        let mut records = Last { ring: records, last: None };
-        conduct(&mut cycle, &mut bus, &mut Wall::starting_at(origin, period), &mut orders, &mut records);
-        records.last
+        let mut records = records;
+        conduct(&mut cycle, &mut bus, &mut Wall::starting_at(origin, period), &mut orders, &mut records)
     })?;
-    wait_for_signal(&shared, period)?;
+    runtime.block_on(async {
+        tokio::select! {
+            name = signals.next() => info!("{name}: coming to rest"),
+            () = watch::run(&shared, period, || conductor.is_finished()) => {}
+        }
+    });
     shared.stop_wish.store(true, Ordering::Relaxed);
     let last = conductor.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
-    Ok(report(last.as_ref(), &writer.join(), shared.lost.load(Ordering::Relaxed)))
+    Ok(report(&last, &writer.join(), shared.lost.load(Ordering::Relaxed)))
 }
 
 fn log_header(machine: &Machine, arguments: &Arguments) -> anyhow::Result<(PathBuf, Header)> {
@@ -137,42 +146,31 @@ fn log_header(machine: &Machine, arguments: &Arguments) -> anyhow::Result<(PathB
     Ok((path, header))
 }
 
-/// The ring, and the last record for the report at the end.
-struct Last {
-    ring: RecordRing,
-    last: Option<CycleRecord>,
+/// The signals that ask for the end.
+struct Signals {
+    terminate: Signal,
+    interrupt: Signal,
 }
 
-impl crate::rt::door::Records for Last {
-    fn put(&mut self, record: &CycleRecord) {
-        self.ring.put(record);
-        self.last = Some(*record);
+impl Signals {
+    fn new() -> std::io::Result<Self> {
+        Ok(Self { terminate: signal(SignalKind::terminate())?, interrupt: signal(SignalKind::interrupt())? })
     }
-    fn lost(&self) -> u64 {
-        self.ring.lost()
-    }
-}
 
-/// Watch the cycle until somebody asks for the end.
-fn wait_for_signal(shared: &Shared, period: Span) -> anyhow::Result<()> {
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    runtime.block_on(async {
-        let mut terminate = signal(SignalKind::terminate())?;
-        let mut interrupt = signal(SignalKind::interrupt())?;
+    /// The name of the next one.
+    async fn next(&mut self) -> &'static str {
         tokio::select! {
-            _ = terminate.recv() => info!("SIGTERM: coming to rest"),
-            _ = interrupt.recv() => info!("SIGINT: coming to rest"),
-            () = watch::run(shared, period) => {}
+            _ = self.terminate.recv() => "SIGTERM",
+            _ = self.interrupt.recv() => "SIGINT",
         }
-        Ok(())
-    })
+    }
 }
 
-fn report(last: Option<&CycleRecord>, log: &WriteOutcome, lost: u64) -> bool {
+fn report(last: &CycleRecord, log: &WriteOutcome, lost: u64) -> bool {
     let mut is_well = lost == 0 && log.is_complete;
-    for (axis, row) in last.iter().flat_map(|record| record.axes.iter()) {
+    for (axis, row) in last.axes.iter() {
         if let Some(fault) = row.fault {
-            error!(%axis, "{fault}; see docs/faults/{:02}-{}.md", fault.number(), fault.name());
+            error!(%axis, "{fault}; see {}", fault.page());
             is_well = false;
         }
     }

@@ -15,14 +15,19 @@ const EVERY: Duration = Duration::from_secs(1);
 /// Share of the due cycles below which the cycle counts as slow.
 const ENOUGH: f64 = 0.9;
 
-/// Watch for ever.
-pub(super) async fn run(shared: &Shared, period: Span) {
+/// Watch until the cycle's thread has ended by itself, which it should not.
+pub(super) async fn run(shared: &Shared, period: Span, is_over: impl Fn() -> bool) {
     let due = EVERY.as_secs_f64() / period.as_s();
     let mut ticks = tokio::time::interval(EVERY);
     ticks.tick().await;
     let (mut cycles_seen, mut lost_seen) = (shared.cycles.load(Ordering::Relaxed), 0);
+    let mut overruns_seen = 0;
     loop {
         ticks.tick().await;
+        if is_over() {
+            error!("the cycle has ended by itself");
+            return;
+        }
         let (cycles, lost) = (shared.cycles.load(Ordering::Relaxed), shared.lost.load(Ordering::Relaxed));
         let advanced = cycles - cycles_seen;
         if advanced == 0 {
@@ -35,6 +40,10 @@ pub(super) async fn run(shared: &Shared, period: Span) {
         if lost > lost_seen {
             warn!("{} records lost", lost - lost_seen);
         }
-        (cycles_seen, lost_seen) = (cycles, lost);
+        let overruns = shared.overruns.load(Ordering::Relaxed);
+        if overruns > overruns_seen {
+            warn!("{} periods skipped", overruns - overruns_seen);
+        }
+        (cycles_seen, lost_seen, overruns_seen) = (cycles, lost, overruns);
     }
 }

@@ -63,8 +63,9 @@ pub(crate) fn run(
 ) {
     let (mut bus, mut cycle) = wired(machine, seed);
     let mut orders = procedure(machine, gains, motion);
-    conduct(&mut cycle, &mut bus, &mut Virtual::new(machine.cycle.period), &mut orders, records);
-    assert_eq!(orders.ending(), Ending::Complete, "the circle was not run to its end");
+    let mut grid = Virtual::new(machine.cycle.period);
+    let last = conduct(&mut cycle, &mut bus, &mut grid, &mut orders, records);
+    assert_eq!(orders.ending(&last), Ending::Complete, "the circle was not run to its end");
 }
 
 /// Records kept in memory.

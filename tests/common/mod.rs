@@ -53,7 +53,7 @@ pub(crate) fn three_axes() -> Machine {
         .unwrap_or_else(|problems| panic!("{}", problems.render(false)))
 }
 
-/// The circle of PHYSICS 3.2: 150 mm around zero, from 45 degrees.
+/// The circle of the paper's test: 150 mm around zero, from 45 degrees.
 pub(crate) fn circle(feed_mm_per_min: f64, direction: Direction) -> CircleMotion {
     CircleMotion {
         circle: Circle {
@@ -112,8 +112,9 @@ pub(crate) fn run_circles_on(
     };
     let mut procedure = CircleProcedure::new(test, Arc::new(AtomicBool::new(false)));
     let mut kept = Kept::default();
-    conduct(&mut cycle, &mut bus, &mut Virtual::new(machine.cycle.period), &mut procedure, &mut kept);
-    assert_eq!(procedure.ending(), Ending::Complete);
+    let mut grid = Virtual::new(machine.cycle.period);
+    let last = conduct(&mut cycle, &mut bus, &mut grid, &mut procedure, &mut kept);
+    assert_eq!(procedure.ending(&last), Ending::Complete);
     kept.0
 }
 

@@ -29,26 +29,28 @@ use crate::sim::closed_loop::{Patient, Wired};
 /// Records on their way to the disk: seconds of a cycle at 2 kHz, so that a slow disk loses nothing.
 const RING_RECORDS: usize = 8_192;
 /// From here to the first slot of a realtime run: time to start the threads.
-const LEAD: Span = Span::ms(50);
+const LEAD: Span = Span::ms(200);
 
-/// When a run starts, on both clocks.
-pub(super) struct Start {
-    pub(super) pace: Pace,
+/// Nanoseconds since 1970.
+fn wall_now_ns() -> i64 {
+    SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default().as_nanos() as i64
+}
+
+/// Now, as a part of a file name.
+pub(super) fn stamp_now() -> String {
+    file_stamp(wall_now_ns())
+}
+
+/// Moment zero of a run, on both clocks: a little ahead, so that the threads are there by then.
+struct Start {
+    pace: Pace,
     monotonic: Moment,
     wall_ns: i64,
 }
 
 impl Start {
-    pub(super) fn now(pace: Pace) -> Self {
-        let since_epoch = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
-        let wall_ns = since_epoch.as_nanos() as i64;
-        let monotonic = monotonic_now();
-        Self { pace, monotonic: monotonic + LEAD, wall_ns: wall_ns + LEAD.as_ns() }
-    }
-
-    /// As a part of a file name.
-    pub(super) fn stamp(&self) -> String {
-        file_stamp(self.wall_ns)
+    fn soon(pace: Pace) -> Self {
+        Self { pace, monotonic: monotonic_now() + LEAD, wall_ns: wall_now_ns() + LEAD.as_ns() }
     }
 }
 
@@ -72,7 +74,7 @@ pub(super) fn record(
     machine: &Machine,
     request: &CircleRequest,
     test: &CircleTest,
-    start: &Start,
+    pace: Pace,
     seed: u64,
     log: &Path,
 ) -> anyhow::Result<Recording> {
@@ -87,7 +89,8 @@ pub(super) fn record(
     let drives = bus.commission(machine.drives()?)?;
     let mut cycle = Cycle::new(machine.cycle_settings(), drives, &machine.control_settings());
 
-    let header = header(machine, request, test, start, seed);
+    let start = Start::soon(pace);
+    let header = header(machine, request, test, &start, seed);
     let (to_log, log_drain) = record_ring(RING_RECORDS);
     let (to_trace, trace_drain) = record_ring(RING_RECORDS);
     let (cycles, lost) = (Arc::clone(&log_drain.cycles), Arc::clone(&log_drain.lost));
@@ -102,14 +105,16 @@ pub(super) fn record(
     let mut orders = CircleProcedure::new(*test, Arc::clone(&stop_wish));
     let (origin, period, is_virtual) = (start.monotonic, machine.cycle.period, start.pace == Pace::Virtual);
     let conductor = thread::Builder::new().name("cycle".to_owned()).spawn(move || {
-        if is_virtual {
+        let last = if is_virtual {
             let mut records = Both(Patient(to_log), Patient(to_trace));
-            conduct(&mut cycle, &mut bus, &mut Virtual::new(period), &mut orders, &mut records);
+            let mut grid = Virtual::new(period);
+            conduct(&mut cycle, &mut bus, &mut grid, &mut orders, &mut records)
         } else {
             let mut records = Both(to_log, to_trace);
-            conduct(&mut cycle, &mut bus, &mut Wall::starting_at(origin, period), &mut orders, &mut records);
-        }
-        orders.ending()
+            let mut grid = Wall::starting_at(origin, period);
+            conduct(&mut cycle, &mut bus, &mut grid, &mut orders, &mut records)
+        };
+        orders.ending(&last)
     })?;
     let ending = joined(conductor);
     bar.finish();
@@ -144,10 +149,10 @@ pub(super) fn twin(
     let mut orders = CircleProcedure::new(test, stop_wish);
     let mut records = Patient(ring);
     let mut grid = Virtual::new(machine.cycle.period);
-    conduct(&mut cycle, &mut bus, &mut grid, &mut orders, &mut records);
+    let last = conduct(&mut cycle, &mut bus, &mut grid, &mut orders, &mut records);
     drop(records);
     let trace = joined(tracer)?;
-    Ok((orders.ending() == Ending::Complete).then_some(trace))
+    Ok((orders.ending(&last) == Ending::Complete).then_some(trace))
 }
 
 /// Records as they come, until their producer is gone.

@@ -116,22 +116,18 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let machine = machine(&arguments.machine)?;
     let request = arguments.request();
     let test = machine.circle_test(&request)?;
-    let started = live::Start::now(arguments.pace.pace());
+    let stamp = live::stamp_now();
     let folder = match &arguments.out {
         Some(folder) => folder.clone(),
-        None => PathBuf::from("quadrant-out").join(format!(
-            "{}-circle-{}-{}",
-            started.stamp(),
-            machine.name,
-            request.gains
-        )),
+        None => {
+            PathBuf::from("quadrant-out").join(format!("{}-circle-{}-{}", stamp, machine.name, request.gains))
+        }
     };
     std::fs::create_dir_all(&folder)
         .with_context(|| format!("cannot create the output folder {}", folder.display()))?;
-    let log =
-        arguments.log.clone().unwrap_or_else(|| folder.join(format!("circle-{}.mcap", started.stamp())));
+    let log = arguments.log.clone().unwrap_or_else(|| folder.join(format!("circle-{}.mcap", stamp)));
 
-    let recording = live::record(&machine, &request, &test, &started, arguments.seed, &log)?;
+    let recording = live::record(&machine, &request, &test, arguments.pace.pace(), arguments.seed, &log)?;
     let outcome = match recording.ending {
         Ending::Complete => report::of_recording(&machine, &request, &recording, &folder, arguments.json)?,
         Ending::Interrupted => {
@@ -139,7 +135,11 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
             Outcome::NotDone
         }
         Ending::Faulted(axis, fault) => {
-            eprintln!("axis {axis}: {fault}; see docs/faults/{:02}-{}.md", fault.number(), fault.name());
+            eprintln!("axis {axis}: {fault}; see {}", fault.page());
+            Outcome::NotDone
+        }
+        Ending::Refused => {
+            eprintln!("the cycle did not begin a motion that it was ordered; the axes were disabled");
             Outcome::NotDone
         }
     };

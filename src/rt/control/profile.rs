@@ -1,6 +1,6 @@
 //! Motions made in the cycle: hold, a straight move, a circle. A motion runs along a path; its speed
-//! rises and falls as a raised cosine, so the acceleration has no step, and a stop at any moment brakes
-//! along the same path.
+//! rises and falls as a raised cosine, so the acceleration has no step; a stop at any moment brakes along
+//! the same path, from the speed it has (a stop while the speed rises does step the acceleration).
 //!
 //! ```text
 //!   speed   ───────┐            v(t) = V (1 - cos(π t / T)) / 2,   T = π V / (2 a),   way V T / 2

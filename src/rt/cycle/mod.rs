@@ -13,6 +13,7 @@ pub mod bucket;
 pub mod mode;
 pub mod pace;
 pub mod procedure;
+mod release;
 pub mod standby;
 mod verdict;
 
@@ -239,14 +240,14 @@ impl Cycle {
     }
 }
 
-/// Run cycles until the orders say that it is done.
+/// Run cycles until the orders say that it is done; the last record.
 pub fn conduct<B: Bus>(
     cycle: &mut Cycle,
     bus: &mut B,
     pace: &mut impl Pace,
     orders: &mut impl Orders,
     records: &mut impl Records,
-) {
+) -> CycleRecord {
     loop {
         let slot = pace.wait();
         let record = cycle.run(bus, orders, &slot);
@@ -254,7 +255,7 @@ pub fn conduct<B: Bus>(
         records.put(record);
         pace.finish();
         if orders.is_done(record) {
-            return;
+            return *record;
         }
     }
 }

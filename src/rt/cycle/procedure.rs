@@ -8,17 +8,13 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use super::release::{Release, is_everywhere};
 use crate::base::axis::AxisId;
 use crate::base::fault::Fault;
-use crate::base::record::{AxisRecord, CycleRecord, ModeTag};
-use crate::base::sample::Freshness;
+use crate::base::record::{CycleRecord, ModeTag};
 use crate::base::units::{Position, Velocity};
 use crate::rt::control::profile::{CircleMotion, LineMotion, line_duration_s};
 use crate::rt::door::{Order, Orders};
-use crate::rt::drive::state::DriveState;
-
-/// Ticks of the position loop that a drive has to let go of the current, once it is told to.
-const RELEASE_TICKS_MAX: u32 = 50;
 
 /// Most circles of one test: one each way.
 pub const CIRCLES_MAX: usize = 2;
@@ -68,6 +64,8 @@ pub enum Ending {
     Complete,
     /// The operator stopped it.
     Interrupted,
+    /// The cycle did not begin a motion that it was ordered.
+    Refused,
     /// A fault stopped it: the first axis with one that is its own.
     Faulted(AxisId, Fault),
 }
@@ -78,24 +76,31 @@ pub struct CircleProcedure {
     test: CircleTest,
     step: Step,
     ending: Ending,
-    /// Ticks since the last step.
-    release_ticks: u32,
+    /// Motions ordered so far; the cycle counts those that it began.
+    motions: u32,
+    release: Release,
     stop_wish: Arc<AtomicBool>,
 }
 
 impl CircleProcedure {
     /// A test to be run; setting `stop_wish` ends it early.
     pub fn new(test: CircleTest, stop_wish: Arc<AtomicBool>) -> Self {
-        Self { test, step: Step::Enable, ending: Ending::Complete, release_ticks: 0, stop_wish }
+        Self {
+            test,
+            step: Step::Enable,
+            ending: Ending::Complete,
+            motions: 0,
+            release: Release::default(),
+            stop_wish,
+        }
     }
 
-    /// How it ended, once it is done.
-    pub fn ending(&self) -> Ending {
-        self.ending
-    }
-
-    fn is_everywhere(last: &CycleRecord, mode: ModeTag) -> bool {
-        last.axes.as_slice().iter().all(|axis| axis.mode == mode)
+    /// How it ended, once it is done with `last`. A fault in the very last cycles counts.
+    pub fn ending(&self, last: &CycleRecord) -> Ending {
+        match (self.ending, Self::fault(last)) {
+            (Ending::Complete, Some((axis, fault))) => Ending::Faulted(axis, fault),
+            (ending, _) => ending,
+        }
     }
 
     /// The fault that started it all; axes stopped along with it come last.
@@ -134,6 +139,9 @@ impl CircleProcedure {
         } else if self.stop_wish.load(Ordering::Relaxed) && self.ending == Ending::Complete {
             self.ending = Ending::Interrupted;
             self.step = Step::Stop;
+        } else if last.stage.motion < self.motions && self.ending == Ending::Complete {
+            self.ending = Ending::Refused;
+            self.step = Step::Stop;
         }
     }
 }
@@ -141,11 +149,11 @@ impl CircleProcedure {
 impl Orders for CircleProcedure {
     fn next(&mut self, last: &CycleRecord) -> Option<Order> {
         self.watch(last);
-        self.release_ticks += u32::from(self.step == Step::Done);
-        let is_ready = Self::is_everywhere(last, ModeTag::Ready);
+        let is_ready = is_everywhere(last, &[ModeTag::Ready]);
+        let is_off = is_everywhere(last, &[ModeTag::Off]);
         let circle = |index: usize| self.test.circles.get(index).copied().flatten();
         let (order, step) = match self.step {
-            Step::Enable if Self::is_everywhere(last, ModeTag::Off) => (Order::Enable, Step::UseGains),
+            Step::Enable if is_off => (Order::Enable, Step::UseGains),
             Step::UseGains if is_ready => (Order::UseGains(self.test.gain_set), self.after(None)),
             Step::Position { circle: index } if is_ready => {
                 (self.positioning(&circle(index)?, last), Step::Circle { circle: index })
@@ -153,52 +161,75 @@ impl Orders for CircleProcedure {
             Step::Circle { circle: index } if is_ready => {
                 (Order::Circle(circle(index)?), self.after(Some(index)))
             }
-            Step::Stop => (Order::Stop, Step::Disable),
+            // From any state: the axes come to rest along their path and lose their current there.
+            Step::Stop => (Order::Disable, Step::Done),
             Step::Disable if is_ready => (Order::Disable, Step::Done),
-            // Stopped before anything had current: there is nothing to disable.
-            Step::Disable if Self::is_everywhere(last, ModeTag::Off) => {
-                self.step = Step::Done;
+            Step::Done => {
+                self.release.tick();
+                // An axis that was still being enabled when the others were told.
+                let is_left = is_everywhere(last, &[ModeTag::Off, ModeTag::Ready]) && !is_off;
+                return is_left.then_some(Order::Disable);
+            }
+            Step::Enable | Step::UseGains | Step::Position { .. } | Step::Circle { .. } | Step::Disable => {
                 return None;
             }
-            Step::Enable
-            | Step::UseGains
-            | Step::Position { .. }
-            | Step::Circle { .. }
-            | Step::Disable
-            | Step::Done => return None,
         };
+        self.motions += u32::from(matches!(order, Order::Line(_) | Order::Circle(_)));
         self.step = step;
         Some(order)
     }
 
     fn is_done(&self, last: &CycleRecord) -> bool {
-        let is_at_rest = |axis: &AxisRecord| matches!(axis.mode, ModeTag::Off | ModeTag::Faulted);
-        // The order to let go acts at a later SYNC: ending before would leave it to the boards' watchdogs.
-        // A board that is not heard, or does not obey, is left to its watchdog after all.
-        let is_released = |axis: &AxisRecord| {
-            axis.sample.freshness != Freshness::Fresh
-                || DriveState::decode(axis.sample.raw.status_word) != Some(DriveState::OperationEnabled)
-        };
-        let axes = last.axes.as_slice();
-        self.step == Step::Done
-            && axes.iter().all(is_at_rest)
-            && (axes.iter().all(is_released) || self.release_ticks > RELEASE_TICKS_MAX)
+        self.step == Step::Done && self.release.is_over(last)
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::release::TICKS_MAX;
     use super::*;
+    use crate::base::sample::Freshness;
+    use crate::rt::drive::state::DriveState;
 
     #[test]
     fn a_stop_before_the_axes_have_current_ends_the_test() {
         let test = CircleTest { gain_set: 0, circles: [None; 2], positioning_feed: Velocity::mm_per_s(10.0) };
         let mut procedure = CircleProcedure::new(test, Arc::new(AtomicBool::new(true)));
         let off = CycleRecord::empty(2);
-        assert_eq!(procedure.next(&off), Some(Order::Stop));
+        assert_eq!(procedure.next(&off), Some(Order::Disable));
         assert_eq!(procedure.next(&off), None);
         assert!(procedure.is_done(&off), "it waits for axes that nobody will enable");
-        assert_eq!(procedure.ending(), Ending::Interrupted);
+        assert_eq!(procedure.ending(&off), Ending::Interrupted);
+    }
+
+    #[test]
+    fn an_axis_that_was_enabled_late_is_disabled_too() {
+        let test = CircleTest { gain_set: 0, circles: [None; 2], positioning_feed: Velocity::mm_per_s(10.0) };
+        let mut procedure = CircleProcedure::new(test, Arc::new(AtomicBool::new(true)));
+        let mut last = CycleRecord::empty(2);
+        last.axes[AxisId::X].mode = ModeTag::Ready;
+        procedure.next(&last);
+        assert_eq!(procedure.next(&last), Some(Order::Disable), "x is ready, y is off");
+        assert!(!procedure.is_done(&last));
+    }
+
+    #[test]
+    fn a_motion_that_was_not_begun_ends_the_test() {
+        let test = CircleTest { gain_set: 0, circles: [None; 2], positioning_feed: Velocity::mm_per_s(10.0) };
+        let mut procedure = CircleProcedure::new(test, Arc::default());
+        procedure.motions = 1;
+        let last = CycleRecord::empty(2);
+        assert_eq!(procedure.next(&last), Some(Order::Disable));
+        assert_eq!(procedure.ending(&last), Ending::Refused);
+    }
+
+    #[test]
+    fn a_fault_in_the_last_cycle_is_how_it_ended() {
+        let test = CircleTest { gain_set: 0, circles: [None; 2], positioning_feed: Velocity::mm_per_s(10.0) };
+        let procedure = CircleProcedure::new(test, Arc::default());
+        let mut last = CycleRecord::empty(2);
+        last.axes[AxisId::Y].fault = Some(Fault::FeedbackLost);
+        assert_eq!(procedure.ending(&last), Ending::Faulted(AxisId::Y, Fault::FeedbackLost));
     }
 
     #[test]
@@ -216,6 +247,6 @@ mod tests {
         assert!(procedure.is_done(&obeys));
         let ticks =
             (0..1_000).take_while(|_| procedure.next(&last).is_none() && !procedure.is_done(&last)).count();
-        assert_eq!(ticks, RELEASE_TICKS_MAX as usize, "ticks of the position loop until it gives up");
+        assert_eq!(ticks, TICKS_MAX as usize, "ticks of the position loop until it gives up");
     }
 }

@@ -1,7 +1,7 @@
 //! From [`Configuring`] to [`Operational`]: every board is asked who it is and what it runs with,
 //! and must be what its sheet says.
 //!
-//! Per axis: vendor, product, revision, serial if the machine file names one, then the
+//! Per axis: vendor, product, revision, serial where the settings name one, then the
 //! firmware-config hash. If the hash differs, every value of the sheet is read to name the odd one.
 //! No drive is enabled and nothing is written. The clock is the caller's: this runs before the
 //! cycle, and in simulation the same call moves the simulated boards on.
