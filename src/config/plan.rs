@@ -164,3 +164,43 @@ impl Machine {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::base::units::Velocity;
+
+    fn refused(change: impl Fn(&mut Circle)) -> String {
+        let machine = crate::config::load("reference").unwrap();
+        let mut circle = Circle {
+            centre_x: Position::ZERO,
+            centre_y: Position::ZERO,
+            radius: Position::mm(150.0),
+            feed: Velocity::mm_per_min(2000.0),
+            direction: Direction::Cw,
+            start_angle_rad: 0.0,
+            revolutions: 1,
+        };
+        change(&mut circle);
+        let request = CircleRequest { gains: "standard".to_owned(), circle, directions: vec![Direction::Cw] };
+        machine.circle_test(&request).err().map_or("accepted".to_owned(), |error| error.to_string())
+    }
+
+    #[test]
+    fn a_circle_is_judged_by_each_of_its_parts() {
+        assert_eq!(refused(|_| ()), "accepted");
+        for (change, words) in [
+            ((|c| c.centre_x = Position::mm(300.0)) as fn(&mut Circle), "centre x = 300 mm"),
+            (
+                |c| c.centre_y = Position::mm(101.0),
+                "radius = 150 mm is outside the allowed range of 0.01 to 149 mm",
+            ),
+            (|c| c.start_angle_rad = f64::NAN, "start angle = NaN deg"),
+            (|c| c.feed = Velocity::mm_per_min(-1.0), "feed = -1 mm/min"),
+            (|c| c.revolutions = 1_000, "duration of the test"),
+        ] {
+            let said = refused(change);
+            assert!(said.contains(words), "`{words}` is not in `{said}`");
+        }
+    }
+}
