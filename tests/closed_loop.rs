@@ -228,6 +228,30 @@ fn an_axis_is_enabled_moved_and_disabled(#[values("reference", "paper")] name: &
 }
 
 #[test]
+fn a_latched_position_is_as_old_after_skipped_periods_as_without() {
+    let late = machine_with("reference", &[("feedback-latency-us = 0", "feedback-latency-us = 200")]);
+    let mut rig = Rig::new(late, 5);
+    rig.enable();
+    let order = rig.line_to(200.0, 100.0);
+    rig.order(order);
+    rig.run(2_400);
+    for skipped in [0, 1] {
+        rig.skip(skipped);
+        rig.step();
+        for axis in [X, Y] {
+            let state = rig.state(axis);
+            assert!(state.motor_velocity.as_mm_per_s() > 50.0, "axis {axis} moves: {state:?}");
+            let behind_um = (state.motor_position - rig.axis(axis).sample.position).as_um();
+            let expected_um = state.motor_velocity.as_m_per_s() * 200.0;
+            assert!(
+                (behind_um - expected_um).abs() < 0.2,
+                "axis {axis}, {skipped} skipped: {behind_um} um behind, expected {expected_um} um"
+            );
+        }
+    }
+}
+
+#[test]
 fn a_third_axis_stands_still_while_two_run_a_circle() {
     let z = AxisId::new(2);
     let records = run_circles(&three_axes(), "standard", &[circle(8000.0, Direction::Ccw)], 2);

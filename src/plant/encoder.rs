@@ -2,6 +2,7 @@
 //!
 //! The position inside the last tick is the cubic through position and velocity at both its ends
 //! (error of the fourth order in the tick). Counts and their scale are the wire's (`rt/wire/scaling`).
+//! A tick is fed whether or not a SYNC ends it: one that skips ticks still asks about the last of them.
 //! Invariant: without latency the position passes through untouched.
 
 use crate::base::time::Span;
@@ -22,7 +23,9 @@ pub struct Latch {
     /// Latency as a part of the tick, 0 to 1.
     age: f64,
     tick_s: f64,
-    previous: Knot,
+    /// Both ends of the last tick.
+    from: Knot,
+    to: Knot,
 }
 
 impl Latch {
@@ -32,17 +35,22 @@ impl Latch {
     /// When the latency is longer than the tick (checked by `config`).
     pub fn new(latency: Span, tick: Span) -> Self {
         assert!(latency <= tick, "encoder latency above one tick");
-        let previous = Knot { position: Position::ZERO, velocity: Velocity::ZERO };
-        Self { age: latency.as_s() / tick.as_s(), tick_s: tick.as_s(), previous }
+        let rest = Knot { position: Position::ZERO, velocity: Velocity::ZERO };
+        Self { age: latency.as_s() / tick.as_s(), tick_s: tick.as_s(), from: rest, to: rest }
     }
 
-    /// The position latched for the SYNC at the end of a tick; `now` is the state at that instant.
-    pub fn position(&mut self, now: Knot) -> Position {
-        let from = std::mem::replace(&mut self.previous, now);
-        if self.age == 0.0 { now.position } else { self.between(from, now) }
+    /// Another tick is over; `now` is the state at its end.
+    pub fn feed(&mut self, now: Knot) {
+        self.from = std::mem::replace(&mut self.to, now);
     }
 
-    fn between(&self, from: Knot, to: Knot) -> Position {
+    /// The position latched for a SYNC at the end of the last tick.
+    pub fn position(&self) -> Position {
+        if self.age == 0.0 { self.to.position } else { self.between() }
+    }
+
+    fn between(&self) -> Position {
+        let Self { from, to, .. } = self;
         let s = 1.0 - self.age;
         let (s2, s3) = (s * s, s * s * s);
         let travel = to.position - from.position;
@@ -64,8 +72,9 @@ mod tests {
             velocity: Velocity::m_per_s(0.02 + 6.0 * t_s),
         };
         let mut latch = Latch::new(Span::us(125), Span::us(500));
-        latch.position(knot(0.0));
-        let off = latch.position(knot(500e-6)) - knot(375e-6).position;
+        latch.feed(knot(0.0));
+        latch.feed(knot(500e-6));
+        let off = latch.position() - knot(375e-6).position;
         assert!(off.abs() < Position::um(1e-9), "off by {} um", off.as_um());
     }
 }

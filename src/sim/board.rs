@@ -11,7 +11,7 @@
 //! refuses to enable until it is told to disable voltage, or reset.
 //!
 //! Faults can be injected by plain methods: silence, a frozen, jumping or failed encoder, a reset, a
-//! drive fault, a false parameter.
+//! loss of power, a drive fault, a false parameter.
 //! Invariant: current flows in operation enabled and in no other state.
 
 use std::collections::VecDeque;
@@ -369,6 +369,16 @@ impl Board {
     /// Restarts the board, as a dip of its supply does. Its encoders keep their counts.
     pub fn reset(&mut self, now: Moment) {
         self.reset_count = self.reset_count.wrapping_add(1);
+        self.outbox.clear();
+        self.injected.has_drive_fault = false;
+        self.boot(now);
+    }
+    /// Takes the power away and gives it back: encoders and resets are counted from zero again.
+    pub fn power_cycle(&mut self, now: Moment) {
+        let way_back = |way: TravelCounts| TravelCounts::counts(-way.as_counts());
+        self.motor_start = EncoderCounts::counts(0).after(way_back(self.last_measured.motor));
+        self.table_start = EncoderCounts::counts(0).after(way_back(self.last_measured.table));
+        self.reset_count = 0;
         self.outbox.clear();
         self.injected.has_drive_fault = false;
         self.boot(now);

@@ -139,19 +139,19 @@ impl RackAxis {
     fn step(&mut self, now: Moment) {
         let current = self.settings.scale.current(self.board.current_to_apply());
         self.plant.step(current);
+        let state = self.plant.state();
+        self.motor.feed(Knot { position: state.motor_position, velocity: state.motor_velocity });
+        self.table.feed(Knot { position: state.table_position, velocity: state.table_velocity });
         self.board.advance(now);
     }
 
     fn latch(&mut self, cycle: u32, now: Moment) {
-        let state = self.plant.state();
         let scale = &self.settings.scale;
-        let motor = Knot { position: state.motor_position, velocity: state.motor_velocity };
-        let table = Knot { position: state.table_position, velocity: state.table_velocity };
         let noise_a = self.noise.map_or(0.0, |noise| noise.sample(&mut self.random));
         let measured = Measured {
-            motor: scale.motor_counts(self.motor.position(motor)),
-            table: scale.table_counts(self.table.position(table)),
-            current: scale.current_counts(state.current + Current::a(noise_a)),
+            motor: scale.motor_counts(self.motor.position()),
+            table: scale.table_counts(self.table.position()),
+            current: scale.current_counts(self.plant.state().current + Current::a(noise_a)),
         };
         self.board.latch(cycle, measured, now);
     }

@@ -156,6 +156,23 @@ fn a_board_reset_is_told_once_and_leaves_no_current(#[case] is_message_lost: boo
     assert_eq!(rig.seen[X].drive, Some(DriveState::SwitchOnDisabled));
 }
 
+#[rstest]
+#[case::boot_up_message_heard(false)]
+#[case::boot_up_message_lost(true)]
+fn a_loss_of_power_is_told_like_a_reset(#[case] is_message_lost: bool) {
+    let mut rig = Rig::new(SHEET);
+    // Only after its first second the board's uptime can be seen to go back.
+    rig.run(1_100, AMPERE, Target::Enabled);
+    let now = rig.until();
+    rig.board(X).set_silent(is_message_lost);
+    rig.board(X).power_cycle(now);
+    rig.board(X).set_silent(false);
+    assert_eq!(rig.applied(X), Current::ZERO);
+    let told = (0..25).filter(|_| rig.collect()[X].events.is_board_reset).count();
+    assert_eq!((told, rig.drives.counts()[X].resets, rig.drives.counts()[Y].resets), (1, 1, 0));
+    assert_eq!(rig.seen[X].drive, Some(DriveState::SwitchOnDisabled));
+}
+
 #[test]
 fn a_silent_board_ages_in_feedback_and_heartbeat() {
     let mut rig = Rig::new(SHEET);

@@ -251,8 +251,12 @@ impl Profile {
         self.setpoints[axis] = Setpoint::at_rest(position);
     }
 
-    /// Start a straight move from where the setpoints are. Refused (false) where it would never end.
+    /// Start a straight move from where the setpoints are. Refused (false) where it would never end, and
+    /// with a target of another number of axes.
     pub fn start_line(&mut self, line: &LineMotion, now: Moment) -> bool {
+        if line.target.count() != self.setpoints.count() {
+            return false;
+        }
         let from = self.setpoints.map(|_, setpoint| setpoint.position);
         let way = from.map(|axis, position| (line.target[axis] - *position).as_m());
         let way_m = way.as_slice().iter().map(|part| part * part).sum::<f64>().sqrt();

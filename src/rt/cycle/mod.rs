@@ -165,7 +165,8 @@ impl Cycle {
             let limits = self.loops[axis].limits();
             let expected = self.loops[axis].expected();
             let of_link = verdict::of_link(observation, *mode, self.is_send_refused, &self.settings);
-            let of_axis = verdict::of_axis(observation, *mode, &self.loops[axis], &self.answers[axis]);
+            let violation = self.loops[axis].violation(&observation.sample);
+            let of_axis = verdict::of_axis(observation, *mode, limits, &self.answers[axis], violation);
             let own = verdict::worst(of_link, of_axis);
             let shared = is_overrun.then_some(Fault::Overrun).or(any_fault.then_some(Fault::OtherAxis));
             let sight = Sight {

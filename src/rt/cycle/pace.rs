@@ -5,6 +5,7 @@
 //! never run in a burst: a cycle starts within its own slot.
 //! Invariant: the only reader of the clock in `rt`; the grid never moves.
 
+use nix::errno::Errno;
 use nix::sys::time::TimeSpec;
 use nix::time::{ClockId, ClockNanosleepFlags, clock_gettime, clock_nanosleep};
 
@@ -93,13 +94,24 @@ impl Wall {
     }
 }
 
+/// Sleep again for as long as signals wake us early: the absolute time makes waiting again exact.
+fn sleep_through<T>(mut sleep: impl FnMut() -> Result<T, Errno>) {
+    loop {
+        match sleep() {
+            Ok(_) => return,
+            Err(Errno::EINTR) => {}
+            // Linux refuses this sleep to nobody; without it the cycle would spin off its grid.
+            Err(errno) => panic!("CLOCK_MONOTONIC cannot be slept on: {errno}"),
+        }
+    }
+}
+
 impl Pace for Wall {
     fn wait(&mut self) -> Slot {
         let scheduled = self.skip(monotonic_now());
         let until = TimeSpec::new(scheduled.as_ns() / 1_000_000_000, scheduled.as_ns() % 1_000_000_000);
-        // A signal may wake us early; the absolute time makes waiting again exact.
-        while clock_nanosleep(ClockId::CLOCK_MONOTONIC, ClockNanosleepFlags::TIMER_ABSTIME, &until).is_err() {
-        }
+        let sleep = || clock_nanosleep(ClockId::CLOCK_MONOTONIC, ClockNanosleepFlags::TIMER_ABSTIME, &until);
+        sleep_through(sleep);
         let woke = monotonic_now();
         // Overslept by whole periods: this is the slot that has begun by now, not the one waited for.
         let scheduled = self.skip(woke);
@@ -134,6 +146,20 @@ mod tests {
         assert_eq!(pace.overruns, 0);
         assert_eq!(pace.skip(due + Span::us(1_700)), due + PERIOD * 3);
         assert_eq!((pace.next, pace.overruns), (7, 3));
+    }
+
+    #[test]
+    fn a_signal_does_not_end_the_sleep() {
+        let mut answers = [Err(Errno::EINTR), Err(Errno::EINTR), Ok(()), Err(Errno::EINVAL)].into_iter();
+        sleep_through(|| answers.next().expect("four answers"));
+        assert_eq!(answers.len(), 1, "it sleeps until it has slept");
+    }
+
+    #[test]
+    #[should_panic(expected = "cannot be slept on")]
+    fn a_clock_that_cannot_be_slept_on_does_not_spin() {
+        let mut answers = [Err::<(), _>(Errno::EINTR), Err(Errno::EINVAL)].into_iter();
+        sleep_through(|| answers.next().expect("no third try"));
     }
 
     #[test]

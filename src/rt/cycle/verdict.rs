@@ -6,7 +6,8 @@ use super::Settings;
 use super::mode::Mode;
 use crate::base::fault::{Fault, StopCategory};
 use crate::base::sample::Freshness;
-use crate::rt::control::{Answer, AxisLoop};
+use crate::rt::control::Answer;
+use crate::rt::control::limits::Limits;
 use crate::rt::drive::Observation;
 use crate::rt::drive::state::DriveState;
 use crate::rt::wire::feedback::BoardFlags;
@@ -24,10 +25,10 @@ pub(super) fn of_link(
     let was_enabled = mode.is_energised();
     if events.is_board_reset {
         Some(Fault::BoardReset)
-    } else if flags.contains(BoardFlags::WATCHDOG_TRIPPED) {
-        Some(Fault::BoardWatchdog)
     } else if flags.contains(BoardFlags::ENCODER_ERROR) {
         Some(Fault::EncoderJump)
+    } else if flags.contains(BoardFlags::WATCHDOG_TRIPPED) {
+        Some(Fault::BoardWatchdog)
     } else if drive_is_in(&[DriveState::Fault, DriveState::FaultReactionActive]) || events.emergency.is_some()
     {
         Some(Fault::DriveFault)
@@ -44,26 +45,30 @@ pub(super) fn of_link(
     }
 }
 
-/// The fault to act on: the first, unless only the second leaves nothing to control with. A fault that
-/// is ramped out must not hide one that takes the current away.
+/// The fault to act on: the first, unless only the second is graver. A fault that can be cleared must
+/// not hide one that loses the reference, nor one that is ramped out one that takes the current away.
 pub(super) fn worst(first: Option<Fault>, second: Option<Fault>) -> Option<Fault> {
     let found = [first, second].into_iter().flatten();
-    found.clone().find(|fault| fault.stop() == StopCategory::Immediate).or_else(|| found.clone().next())
+    found.rev().max_by_key(|fault| (fault.loses_reference(), fault.stop() == StopCategory::Immediate))
 }
 
-/// What is wrong with an axis as such. A jump of the position counts with or without current, because
-/// the position stays wrong; all else concerns only an axis that is moved.
+/// What is wrong with an axis as such; `violation` is what its loops find. A jump of the position counts
+/// before all else, with or without current, because the position stays wrong; all else concerns only an
+/// axis that is moved.
 pub(super) fn of_axis(
     observation: &Observation,
     mode: Mode,
-    axis_loop: &AxisLoop,
+    limits: &Limits,
     answer: &Answer,
+    violation: Option<Fault>,
 ) -> Option<Fault> {
-    if mode.is_energised() {
+    if limits.is_jump(&observation.sample) {
+        Some(Fault::EncoderJump)
+    } else if mode.is_energised() {
         let broken = answer.is_not_a_number.then_some(Fault::NotANumber);
-        broken.or_else(|| axis_loop.violation(&observation.sample))
+        broken.or(violation)
     } else {
-        axis_loop.limits().is_jump(&observation.sample).then_some(Fault::EncoderJump)
+        None
     }
 }
 
@@ -75,6 +80,57 @@ pub(super) fn is_saturated(observation: &Observation) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::base::sample::Sample;
+    use crate::base::time::Span;
+    use crate::base::units::{Acceleration, Current, Position, Velocity};
+    use crate::rt::cycle::bucket::BucketLimit;
+    use crate::rt::cycle::mode::Patience;
+    use crate::rt::drive::Events;
+
+    const SETTINGS: Settings = Settings {
+        position_every: 4,
+        reply_window: Span::us(250),
+        stale_cycles_max: 4,
+        heartbeat_timeout: Span::ms(30),
+        patience: Patience { enabling: Span::ms(1_000), stopping: Span::ms(1_000) },
+        overruns: BucketLimit { misses_max: 2, drain_cycles: 100 },
+        stop_acceleration: Acceleration::m_per_s2(0.5),
+    };
+    const LIMITS: Limits = Limits {
+        travel_min: Position::mm(-100.0),
+        travel_max: Position::mm(100.0),
+        travel_margin: Position::mm(2.0),
+        velocity: Velocity::mm_per_s(200.0),
+        acceleration: Acceleration::m_per_s2(5.0),
+        current: Current::a(20.0),
+        following_error: Position::mm(1.0),
+        standstill: Velocity::mm_per_s(0.5),
+    };
+
+    #[test]
+    fn a_failed_encoder_is_not_hidden_by_the_watchdog() {
+        let board_flags = BoardFlags::WATCHDOG_TRIPPED.with(BoardFlags::ENCODER_ERROR);
+        let events = Events { board_flags, ..Events::default() };
+        let observation = Observation { events, ..Observation::default() };
+        assert_eq!(of_link(&observation, Mode::Ready, false, &SETTINGS), Some(Fault::EncoderJump));
+    }
+
+    #[test]
+    fn a_jump_is_not_hidden_by_what_is_not_a_number() {
+        let moving_at = |mm_per_s: f64| {
+            let velocity = Velocity::mm_per_s(mm_per_s);
+            let sample = Sample { freshness: Freshness::Fresh, velocity, ..Sample::default() };
+            Observation { sample, ..Observation::default() }
+        };
+        let broken = Answer { is_not_a_number: true, ..Answer::default() };
+        let judge = |mm_per_s: f64, mode: Mode| {
+            of_axis(&moving_at(mm_per_s), mode, &LIMITS, &broken, Some(Fault::Overspeed))
+        };
+        assert_eq!(judge(1_001.0, Mode::Moving), Some(Fault::EncoderJump));
+        assert_eq!(judge(999.0, Mode::Moving), Some(Fault::NotANumber));
+        assert_eq!(judge(1_001.0, Mode::Off), Some(Fault::EncoderJump));
+        assert_eq!(judge(999.0, Mode::Off), None);
+    }
 
     #[test]
     fn a_fault_to_ramp_out_hides_none_that_cuts() {
@@ -82,7 +138,17 @@ mod tests {
         assert_eq!(worst(ramp, cut), cut);
         assert_eq!(worst(cut, ramp), cut);
         assert_eq!(worst(None, ramp), ramp);
-        assert_eq!(worst(cut, Some(Fault::EncoderJump)), cut, "the link comes first");
+        assert_eq!(worst(cut, Some(Fault::NotANumber)), cut, "the link comes first");
         assert_eq!(worst(None, None), None);
+    }
+
+    #[test]
+    fn a_fault_that_can_be_cleared_hides_none_that_loses_the_reference() {
+        let lost = Some(Fault::EncoderJump);
+        for other in Fault::ALL.into_iter().filter(|fault| !fault.loses_reference()) {
+            assert_eq!(worst(Some(other), lost), lost, "{other} came first");
+            assert_eq!(worst(lost, Some(other)), lost, "{other} came second");
+        }
+        assert_eq!(worst(Some(Fault::BoardReset), lost), Some(Fault::BoardReset), "the link comes first");
     }
 }

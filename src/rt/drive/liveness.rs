@@ -49,7 +49,8 @@ pub(super) struct Liveness {
     /// First cycle that waited for this board.
     waits_since: Option<u64>,
     heard: Option<Moment>,
-    reset_count: Option<u8>,
+    /// What the last heartbeat said.
+    beat: Option<Heartbeat>,
 }
 
 impl Liveness {
@@ -87,10 +88,12 @@ impl Liveness {
     pub(super) fn heartbeat(&mut self, heartbeat: Heartbeat, at: Moment) -> bool {
         self.counts.heartbeats += 1;
         self.heard = Some(at);
-        let before = self.reset_count.replace(heartbeat.reset_count);
-        // The boot-up message may be lost; the count of the next heartbeat still tells.
-        let is_counted = before.is_some_and(|count| count != heartbeat.reset_count);
-        let is_reset = is_counted || (heartbeat.state == Heartbeat::BOOT_UP && before.is_none());
+        // The boot-up message may be lost: the next heartbeat still tells by its count. The count starts
+        // again with the power; then the seconds since boot have gone back.
+        let is_changed = self.beat.replace(heartbeat).is_some_and(|before| {
+            heartbeat.reset_count != before.reset_count || heartbeat.uptime_s < before.uptime_s
+        });
+        let is_reset = heartbeat.state == Heartbeat::BOOT_UP || is_changed;
         self.counts.resets += u64::from(is_reset);
         is_reset
     }
@@ -102,7 +105,7 @@ impl Liveness {
 
     /// What was heard before the cycle started is no news in it.
     pub(super) fn start(&mut self) {
-        *self = Self { reset_count: self.reset_count, ..Self::default() };
+        *self = Self { beat: self.beat, ..Self::default() };
     }
 }
 
@@ -159,6 +162,19 @@ mod tests {
         assert!(restarted(beat(Heartbeat::BOOT_UP, 5)));
         assert!(!restarted(beat(Heartbeat::OPERATIONAL, 5)));
         assert!(restarted(beat(Heartbeat::OPERATIONAL, 6)), "the boot-up message was lost");
+    }
+
+    #[test]
+    fn a_board_that_counts_from_zero_again_has_restarted() {
+        let beat = |state, uptime_s| Heartbeat { state, reset_count: 0, uptime_s };
+        let mut liveness = Liveness::default();
+        let mut restarted = |beat| liveness.heartbeat(beat, Moment::ZERO);
+        assert!(!restarted(beat(Heartbeat::OPERATIONAL, 0)));
+        assert!(restarted(beat(Heartbeat::BOOT_UP, 0)), "in the same second of its life");
+        assert!(!restarted(beat(Heartbeat::OPERATIONAL, 0)));
+        assert!(!restarted(beat(Heartbeat::OPERATIONAL, u16::MAX)));
+        assert!(!restarted(beat(Heartbeat::OPERATIONAL, u16::MAX)), "the seconds stay at their maximum");
+        assert!(restarted(beat(Heartbeat::OPERATIONAL, 0)), "the boot-up message was lost");
     }
 
     #[test]

@@ -152,6 +152,19 @@ fn a_stop_at_any_moment_brakes_along_the_path() {
 }
 
 #[test]
+fn a_line_for_another_number_of_axes_is_refused() {
+    for count in [1, 3] {
+        let line = LineMotion {
+            target: PerAxis::filled(count, Position::mm(10.0)),
+            feed: Velocity::m_per_s(0.1),
+            acceleration: Acceleration::m_per_s2(1.0),
+        };
+        let mut profile = Profile::new(2);
+        assert!(!profile.start_line(&line, Moment::ZERO) && !profile.is_running(), "{count} axes");
+    }
+}
+
+#[test]
 fn a_motion_that_would_never_end_is_refused() {
     let good = LineMotion {
         target: PerAxis::filled(2, Position::mm(10.0)),
