@@ -187,6 +187,24 @@ fn a_machine_file_with_problems_is_shown_like_a_compiler_would() {
 }
 
 #[test]
+fn an_export_never_overwrites_a_file_least_of_all_its_own_log() {
+    let folder = TempDir::new().unwrap();
+    run(&with(&SHORT, &["--json", "--direction", "cw", "--out", text(folder.path())]));
+    let log = only_log(folder.path());
+    let bytes = fs::read(&log).unwrap();
+    let (_, said, code) = run(&["log", text(&log), "--csv", text(&log)]);
+    assert_eq!(code, 2, "{said}");
+    assert!(said.contains(text(&log)) && said.contains("nothing is overwritten"), "{said}");
+    assert!(fs::read(&log).unwrap() == bytes, "the log is as it was");
+
+    let table = folder.path().join("cycles.csv");
+    for expected in [0, 2] {
+        let (_, said, code) = run(&["log", text(&log), "--csv", text(&table)]);
+        assert_eq!(code, expected, "{said}");
+    }
+}
+
+#[test]
 fn a_full_disk_costs_the_log_and_nothing_else() {
     let folder = TempDir::new().unwrap();
     let out = ["--json", "--log", "/dev/full", "--out", text(folder.path())];

@@ -15,7 +15,7 @@ use crate::log::{Header, LogError, Reader, Summary, csv, header::rfc3339, recove
 pub(super) struct Arguments {
     /// The log
     file: PathBuf,
-    /// Write every record to this CSV file (`-` for standard output)
+    /// Write every record to this new CSV file (`-` for standard output)
     #[arg(long, value_name = "FILE", conflicts_with = "recover")]
     csv: Option<PathBuf>,
     /// Write everything that is still readable into this new log
@@ -61,7 +61,8 @@ fn export(file: &Path, target: &Path) -> anyhow::Result<Outcome> {
     let lines = if target == Path::new("-") {
         csv::export(&mut log, std::io::stdout().lock(), target)
     } else {
-        let table = File::create(target).with_context(|| format!("cannot create {}", target.display()))?;
+        let table = File::create_new(target)
+            .with_context(|| format!("cannot create {}; nothing is overwritten", target.display()))?;
         csv::export(&mut log, BufWriter::new(table), target)
     }?;
     eprintln!("{lines} records");
