@@ -205,6 +205,24 @@ fn an_export_never_overwrites_a_file_least_of_all_its_own_log() {
 }
 
 #[test]
+fn results_that_cannot_be_printed_are_an_error_and_a_closed_pipe_is_none() {
+    for arguments in [&["check"][..], &["check", "--json"]] {
+        let full = fs::File::options().write(true).open("/dev/full").unwrap();
+        let tool = || Process::new(assert_cmd::cargo::cargo_bin("quadrant"));
+        let output = tool().args(arguments).stdout(full).stderr(Stdio::piped()).output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {said}");
+        assert!(said.contains("standard output") && said.contains("No space left"), "{said}");
+
+        let (reader, writer) = std::io::pipe().unwrap();
+        drop(reader);
+        let output = tool().args(arguments).stdout(writer).stderr(Stdio::piped()).output().unwrap();
+        assert_eq!(output.status.code(), Some(0), "{arguments:?}");
+        assert!(output.stderr.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
+    }
+}
+
+#[test]
 fn a_full_disk_costs_the_log_and_nothing_else() {
     let folder = TempDir::new().unwrap();
     let out = ["--json", "--log", "/dev/full", "--out", text(folder.path())];

@@ -47,7 +47,7 @@ fn run_recover(arguments: &Arguments, target: &Path) -> anyhow::Result<Outcome> 
             recovery.records,
             recovery.records_lost,
             recovery.bytes_lost
-        ));
+        ))?;
     }
     if recovery.is_header_lost {
         eprintln!("warning: a part of the header was unreadable; see extra.recovered in the new log");
@@ -121,7 +121,7 @@ fn summarise(arguments: &Arguments) -> anyhow::Result<Outcome> {
     if arguments.json {
         print_json(&printed)?;
     } else {
-        print_text(&(view::log_table(&printed.started, &header, &summary) + "\n"));
+        print_text(&(view::log_table(&printed.started, &header, &summary) + "\n"))?;
     }
     Ok(if say_truncated(&log) { Outcome::Incomplete } else { Outcome::Done })
 }

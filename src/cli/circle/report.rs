@@ -254,8 +254,7 @@ fn print(
         let names = [html, svg, png].map(|path: &PathBuf| path.display().to_string());
         lines += &format!("report  {}\n        {}\n        {}\n", names[0], names[1], names[2]);
     }
-    print_text(&lines);
-    Ok(())
+    print_text(&lines)
 }
 
 /// The outcome with what the log lost, said aloud.
