@@ -123,6 +123,49 @@ fn a_log_is_judged_like_the_run_it_came_from() {
 }
 
 #[test]
+fn a_log_with_something_missing_is_judged_and_the_lack_is_said() {
+    let folder = TempDir::new().unwrap();
+    let out = ["--json", "--direction", "cw", "--out", text(folder.path())];
+    let live = run(&with(&SHORT, &out)).0.unwrap();
+    let log = only_log(folder.path());
+    let bytes = fs::read(&log).unwrap();
+
+    let cut = folder.path().join("cut.mcap");
+    fs::write(&cut, &bytes[..bytes.len() - 20]).unwrap();
+    let (judged, said, code) = run(&["circle", "--from", text(&cut), "--json"]);
+    assert_eq!(code, 1, "{said}");
+    assert!(said.contains("ends without its index"), "{said}");
+    assert_eq!(judged.unwrap()["protrusion_um"], live["protrusion_um"]);
+
+    let (corrupt, rescued) = (folder.path().join("corrupt.mcap"), folder.path().join("rescued.mcap"));
+    let mut damaged = bytes.clone();
+    damaged[bytes.len() / 2..][..64].fill(0x5A);
+    fs::write(&corrupt, damaged).unwrap();
+    run(&["log", text(&corrupt), "--recover", text(&rescued)]);
+    let (judged, said, code) = run(&["circle", "--from", text(&rescued), "--json"]);
+    assert_eq!(code, 1, "{said}");
+    assert!(judged.is_some() && said.contains("cycles are missing in the log"), "{said}");
+}
+
+#[test]
+fn a_log_has_its_circle_and_takes_no_other() {
+    for option in [
+        "--radius-mm",
+        "--feed-mm-per-min",
+        "--direction",
+        "--revolutions",
+        "--centre-x-mm",
+        "--centre-y-mm",
+        "--start-angle-deg",
+    ] {
+        let value = if option == "--direction" { "cw" } else { "1" };
+        let (_, said, code) = run(&["circle", "--from", "circle.mcap", option, value]);
+        assert_eq!(code, 2, "{said}");
+        assert!(said.contains("cannot be used with") && said.contains(option), "{said}");
+    }
+}
+
+#[test]
 fn the_same_seed_gives_the_same_records_and_another_does_not() {
     let export = |seed: &str| {
         let folder = TempDir::new().unwrap();
