@@ -38,6 +38,8 @@ struct Printed<'a> {
     cycles: u64,
     overruns: u64,
     lost_records: u64,
+    missing_cycles: u64,
+    stale_samples: u64,
     log: &'a Path,
     report: Option<&'a Path>,
     protrusion_um: Points<'a>,
@@ -253,6 +255,8 @@ fn print(
         cycles: sheet.cycles,
         overruns: sheet.overruns,
         lost_records: sheet.lost_records,
+        missing_cycles: test.missing_cycles,
+        stale_samples: test.stale_samples,
         log: material.log,
         report: files.map(|files| files.html.as_path()),
         protrusion_um: Points {
