@@ -122,11 +122,29 @@ fn a_log_is_judged_like_the_run_it_came_from() {
     }
 }
 
+/// The bytes of the chunk that holds the middle of the evaluated part.
+fn chunk_half_way(log: &Path, bytes: &[u8]) -> std::ops::Range<usize> {
+    let mut reader = quadrant::log::Reader::open(log).unwrap();
+    let wall_at_zero_ns = reader.header().wall_at_zero_ns;
+    let records = reader.by_ref().map(Result::unwrap);
+    let measured: Vec<_> = records.filter(|record| record.stage.is_measured).collect();
+    let half_way = measured[measured.len() / 2].timing.scheduled;
+    let wall_ns = u64::try_from(wall_at_zero_ns + half_way.as_ns()).unwrap();
+    let index = mcap::Summary::read(bytes).unwrap().unwrap();
+    let holds = |chunk: &&mcap::records::ChunkIndex| {
+        (chunk.message_start_time..=chunk.message_end_time).contains(&wall_ns)
+    };
+    let chunk = index.chunk_indexes.iter().find(holds).unwrap();
+    let start = chunk.chunk_start_offset as usize;
+    start..start + chunk.chunk_length as usize
+}
+
 #[test]
 fn a_log_with_something_missing_is_judged_and_the_lack_is_said() {
     let folder = TempDir::new().unwrap();
-    let out = ["--json", "--direction", "cw", "--out", text(folder.path())];
-    let live = run(&with(&SHORT, &out)).0.unwrap();
+    // Slow enough that a chunk is a small piece of it.
+    let slow = ["circle", "--radius-mm", "20", "--feed-mm-per-min", "1000", "--direction", "cw"];
+    let live = run(&with(&slow, &["--json", "--out", text(folder.path())])).0.unwrap();
     let log = only_log(folder.path());
     let bytes = fs::read(&log).unwrap();
 
@@ -139,12 +157,20 @@ fn a_log_with_something_missing_is_judged_and_the_lack_is_said() {
 
     let (corrupt, rescued) = (folder.path().join("corrupt.mcap"), folder.path().join("rescued.mcap"));
     let mut damaged = bytes.clone();
-    damaged[bytes.len() / 2..][..64].fill(0x5A);
+    let chunk = chunk_half_way(&log, &bytes);
+    damaged[chunk.start + chunk.len() / 2..][..64].fill(0x5A);
     fs::write(&corrupt, damaged).unwrap();
     run(&["log", text(&corrupt), "--recover", text(&rescued)]);
     let (judged, said, code) = run(&["circle", "--from", text(&rescued), "--json"]);
     assert_eq!(code, 1, "{said}");
-    assert!(judged.is_some() && said.contains("cycles are missing in the log"), "{said}");
+    assert!(said.contains("cycles are missing in the log"), "{said}");
+    let judged = judged.unwrap();
+    let missing = judged["missing_cycles"].as_u64().unwrap();
+    assert!(missing > 0);
+    assert_eq!(judged["stale_samples"], 0);
+    let output = quadrant().args(["circle", "--from", text(&rescued)]).output().unwrap();
+    let table = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(table.contains(&format!("note: {missing} cycles are missing")), "{table}");
 }
 
 #[test]
