@@ -5,8 +5,10 @@
 mod circle_model;
 
 use circle_model::{Model, REFERENCE, circle};
+use quadrant::base::axis::AxisId;
 use quadrant::base::motion::{Circle, Direction};
 use quadrant::base::record::CycleRecord;
+use quadrant::base::sample::Freshness;
 use quadrant::offline::circle::protrusion::{Baseline, mean_height_um};
 use quadrant::offline::circle::{CircleError, CircularTest, Quadrant, Run, analyse};
 use quadrant::offline::trace::Trace;
@@ -195,6 +197,54 @@ fn missing_cycles_do_not_move_the_numbers() {
     let test = analyse(&[Run { nominal, trace: &trace, friction_free: Some(&twin) }]).unwrap();
     close("height", test.motor.protrusion_um.max, 25.0, 0.01, "um");
     close("lag", test.motor.directions[0].values.x.lag_ms, 116.5, 0.02, "ms");
+}
+
+#[test]
+fn stale_samples_do_not_move_the_numbers() {
+    let nominal = circle(2000.0, Direction::Ccw, 1);
+    let twin = trace(&REFERENCE.friction_free().records(&nominal));
+    let whole = REFERENCE.records(&nominal);
+    let mut records = whole.clone();
+    // One axis at a time stands still for 10 ms in the records, away from the peaks.
+    for (place, start) in (1_700..whole.len() - 20).step_by(4_000).enumerate() {
+        let axis = [AxisId::X, AxisId::Y][place % 2];
+        let mut held = records[start - 1].axes[axis].sample;
+        held.freshness = Freshness::Stale;
+        for record in &mut records[start..start + 20] {
+            record.axes[axis].sample = held;
+        }
+    }
+    for twin in [None, Some(&twin)] {
+        let judge = |records: &[CycleRecord]| {
+            let trace = trace(records);
+            analyse(&[Run { nominal, trace: &trace, friction_free: twin }]).unwrap()
+        };
+        let (fresh, stale) = (judge(&whole), judge(&records));
+        let held = records.iter().flat_map(|record| record.axes.as_slice());
+        let held = held.filter(|axis| axis.sample.freshness == Freshness::Stale).count() as u64;
+        assert!(held > 200, "{held} samples");
+        assert_eq!((fresh.stale_samples, stale.stale_samples), (0, held));
+        for (fresh, stale) in fresh.points().zip(stale.points()) {
+            let name = fresh.point.name();
+            let same = |what: &str, got: f64, expected: f64| {
+                close(&format!("{what}, {name}"), got, expected, 0.01, "um");
+            };
+            same("radius decrease", stale.radius_decrease_um, fresh.radius_decrease_um);
+            same("G", stale.circular_deviation_um, fresh.circular_deviation_um);
+            let (fresh, stale) = (&fresh.directions[0], &stale.directions[0]);
+            assert!(stale.values.samples < fresh.values.samples);
+            same("F max", stale.values.radial_deviation_um_max, fresh.values.radial_deviation_um_max);
+            same("F min", stale.values.radial_deviation_um_min, fresh.values.radial_deviation_um_min);
+            same("lost motion", stale.values.x.lost_motion_um, fresh.values.x.lost_motion_um);
+            assert_eq!(stale.protrusions.len(), fresh.protrusions.len());
+            for (stale, fresh) in stale.protrusions.iter().zip(&fresh.protrusions) {
+                same("height", stale.height_um, fresh.height_um);
+                same("height over the arc", stale.height_over_arc_um, fresh.height_over_arc_um);
+                same("undershoot", stale.undershoot_um, fresh.undershoot_um);
+                close("peak", stale.angle_deg, fresh.angle_deg, 1e-9, "deg");
+            }
+        }
+    }
 }
 
 #[test]

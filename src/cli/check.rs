@@ -21,7 +21,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     if arguments.json {
         print_json(&report)?;
     } else {
-        print_text(&view::machine_tables(&report));
+        print_text(&view::machine_tables(&report))?;
     }
     Ok(Outcome::Done)
 }

@@ -15,7 +15,7 @@ use crate::log::{Header, LogError, Reader, Summary, csv, header::rfc3339, recove
 pub(super) struct Arguments {
     /// The log
     file: PathBuf,
-    /// Write every record to this CSV file (`-` for standard output)
+    /// Write every record to this new CSV file (`-` for standard output)
     #[arg(long, value_name = "FILE", conflicts_with = "recover")]
     csv: Option<PathBuf>,
     /// Write everything that is still readable into this new log
@@ -47,7 +47,7 @@ fn run_recover(arguments: &Arguments, target: &Path) -> anyhow::Result<Outcome> 
             recovery.records,
             recovery.records_lost,
             recovery.bytes_lost
-        ));
+        ))?;
     }
     if recovery.is_header_lost {
         eprintln!("warning: a part of the header was unreadable; see extra.recovered in the new log");
@@ -61,7 +61,8 @@ fn export(file: &Path, target: &Path) -> anyhow::Result<Outcome> {
     let lines = if target == Path::new("-") {
         csv::export(&mut log, std::io::stdout().lock(), target)
     } else {
-        let table = File::create(target).with_context(|| format!("cannot create {}", target.display()))?;
+        let table = File::create_new(target)
+            .with_context(|| format!("cannot create {}; nothing is overwritten", target.display()))?;
         csv::export(&mut log, BufWriter::new(table), target)
     }?;
     eprintln!("{lines} records");
@@ -120,7 +121,7 @@ fn summarise(arguments: &Arguments) -> anyhow::Result<Outcome> {
     if arguments.json {
         print_json(&printed)?;
     } else {
-        print_text(&(view::log_table(&printed.started, &header, &summary) + "\n"));
+        print_text(&(view::log_table(&printed.started, &header, &summary) + "\n"))?;
     }
     Ok(if say_truncated(&log) { Outcome::Incomplete } else { Outcome::Done })
 }

@@ -9,9 +9,10 @@ mod circle;
 mod log;
 mod view;
 
-use std::io::{IsTerminal, Write};
+use std::io::{ErrorKind, IsTerminal, Write};
 use std::process::ExitCode;
 
+use anyhow::Context;
 use clap::{Parser, Subcommand};
 
 use crate::config::{self, LoadError, Machine};
@@ -87,13 +88,19 @@ fn machine(name_or_path: &str) -> anyhow::Result<Machine> {
     Ok(config::load(name_or_path)?)
 }
 
-/// Print a text. A closed pipe (`| head`) is no error of ours.
-fn print_text(text: &str) {
-    let _ = std::io::stdout().write_all(text.as_bytes());
+/// Print a text. A closed pipe (`| head`) is no error of ours; a full disk is.
+fn print_text(text: &str) -> anyhow::Result<()> {
+    let mut output = std::io::stdout().lock();
+    // Flushed here, because what is left at the exit is flushed without a word.
+    match output.write_all(text.as_bytes()).and_then(|()| output.flush()) {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
+            Err(error).context("cannot write to standard output")
+        }
+        _ => Ok(()),
+    }
 }
 
 /// Print a value as one JSON object.
 fn print_json(value: &impl serde::Serialize) -> anyhow::Result<()> {
-    print_text(&(serde_json::to_string_pretty(value)? + "\n"));
-    Ok(())
+    print_text(&(serde_json::to_string_pretty(value)? + "\n"))
 }

@@ -72,6 +72,13 @@ pub(super) fn circle_table(sheet: &TestSheet, test: &CircularTest) -> String {
         "\n{} cycles, {} overruns, {} lost records ({})\n",
         sheet.cycles, sheet.overruns, sheet.lost_records, sheet.pace
     );
+    if test.missing_cycles > 0 {
+        lines += &format!("note: {} cycles are missing\n", test.missing_cycles);
+    }
+    if test.stale_samples > 0 {
+        lines +=
+            &format!("note: {} samples were not fresh in their cycle and are left out\n", test.stale_samples);
+    }
     for note in &sheet.notes {
         lines += &format!("note: {note}\n");
     }

@@ -44,13 +44,13 @@ pub struct Recovery {
 /// Writes what is readable of the log `from` into the new log `to`.
 ///
 /// # Errors
-/// `from` cannot be read or has neither a whole header nor a whole chunk; `to` exists or cannot be
-/// written.
+/// `from` cannot be read, is of another format version or has neither a whole header nor a whole
+/// chunk; `to` exists or cannot be written.
 pub fn recover(from: &Path, to: &Path) -> Result<Recovery, LogError> {
     let source = File::open(from).map_err(LogError::io(from, "open"))?;
     let mut salvage = Salvage::new(source).map_err(LogError::io(from, "read"))?;
     let mut next = || salvage.next_chunk().map_err(LogError::io(from, "read"));
-    let parts = Parts::read(from);
+    let parts = Parts::read(from)?;
     let first = next()?;
     let Some((header, is_header_lost)) = parts.header(from, first.as_ref()) else {
         return Err(LogError::NothingToRecover { file: from.to_owned(), bytes: salvage.total() });
@@ -80,10 +80,12 @@ struct Parts {
 }
 
 impl Parts {
-    fn read(from: &Path) -> Self {
+    /// What cannot be read is left out, but a whole header of another version is no damage: the
+    /// records of such a log are not ours to read.
+    fn read(from: &Path) -> Result<Self, LogError> {
         let mut parts = Self::default();
-        let Ok(file) = File::open(from) else { return parts };
-        let Ok(mut frames) = Frames::new(BufReader::new(file), from) else { return parts };
+        let Ok(file) = File::open(from) else { return Ok(parts) };
+        let Ok(mut frames) = Frames::new(BufReader::new(file), from) else { return Ok(parts) };
         while let Ok(Some(frame)) = frames.next() {
             match frame.opcode {
                 op::METADATA => {
@@ -92,7 +94,10 @@ impl Parts {
                     };
                     if record.name == METADATA {
                         let header = Header::from_keys(&record.metadata, String::new(), from, frame.offset);
-                        parts.header = header.ok();
+                        parts.header = match header {
+                            Err(error @ LogError::Version { .. }) => return Err(error),
+                            header => header.ok(),
+                        };
                     }
                 }
                 op::ATTACHMENT => {
@@ -104,7 +109,7 @@ impl Parts {
                 _ => {}
             }
         }
-        parts
+        Ok(parts)
     }
 
     /// The new log's header, and whether a part of the old one is missing in it. `None` when there

@@ -204,6 +204,31 @@ fn nothing_is_recovered_from_nothing() {
     assert!(matches!(refusal, LogError::NothingToRecover { bytes: 5000, .. }), "{refusal}");
 }
 
+#[test]
+fn a_log_of_a_newer_version_is_no_damage_and_is_not_recovered() {
+    let ours = whole_log();
+    let index = mcap::Summary::read(&ours).unwrap().unwrap();
+    let mut header = mcap::read::metadata(&ours, &index.metadata_indexes[0]).unwrap();
+    header.metadata.insert("format_version".to_owned(), "9999".to_owned());
+    let mut hasher = crc32fast::Hasher::new();
+    for (key, value) in header.metadata.iter().filter(|(key, _)| *key != "crc32") {
+        hasher.update(format!("{key}\0{value}\0").as_bytes());
+    }
+    header.metadata.insert("crc32".to_owned(), format!("{:08x}", hasher.finalize()));
+    let mut file = mcap::Writer::new(std::io::Cursor::new(Vec::new())).unwrap();
+    file.write_metadata(&header).unwrap();
+    file.finish().unwrap();
+    let mut newer = file.into_inner().into_inner();
+    let refusal = recovered(&newer).0.unwrap_err();
+    assert!(matches!(refusal, LogError::Version { found: 9999, .. }), "{refusal}");
+
+    // Nor are chunks that happen to read like ours.
+    let (start, length) = chunks(&ours)[0];
+    newer.extend_from_slice(&ours[start..start + length]);
+    let refusal = recovered(&newer).0.unwrap_err();
+    assert!(matches!(refusal, LogError::Version { found: 9999, .. }), "{refusal}");
+}
+
 /// An MCAP file with the header of a log and whatever else `fill` puts in.
 fn foreign(has_header: bool, fill: impl FnOnce(&mut mcap::Writer<std::io::Cursor<Vec<u8>>>)) -> LogError {
     let ours = whole_log();

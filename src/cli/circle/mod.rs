@@ -60,7 +60,10 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
     /// Judge the circular test in this log instead of running one
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["machine", "gains", "pace", "seed", "log"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = [
+        "machine", "gains", "radius_mm", "feed_mm_per_min", "direction", "revolutions", "centre_x_mm",
+        "centre_y_mm", "start_angle_deg", "pace", "seed", "log",
+    ])]
     from: Option<PathBuf>,
     /// Print one JSON object instead of the table
     #[arg(long)]

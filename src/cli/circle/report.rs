@@ -21,6 +21,9 @@ use crate::offline::circle::{self, CircularTest, Run, paper};
 use crate::offline::report::{self, ReportFiles, TestSheet};
 use crate::offline::trace::Trace;
 
+/// Said of a log that was cut off.
+const TRUNCATED: &str = "the log ends without its index, as after a kill";
+
 /// What `--json` prints.
 #[derive(Serialize)]
 struct Printed<'a> {
@@ -35,6 +38,8 @@ struct Printed<'a> {
     cycles: u64,
     overruns: u64,
     lost_records: u64,
+    missing_cycles: u64,
+    stale_samples: u64,
     log: &'a Path,
     report: Option<&'a Path>,
     protrusion_um: Points<'a>,
@@ -109,9 +114,13 @@ pub(super) fn of_log(log: &Path, folder: Option<&Path>, as_json: bool) -> anyhow
     if let Some(error) = damage {
         return Err(error.into());
     }
+    let shortfalls = shortfalls(reader.is_truncated(), &trace);
+    for shortfall in &shortfalls {
+        eprintln!("warning: {shortfall}");
+    }
     let mut notes = Vec::new();
     if reader.is_truncated() {
-        notes.push("the log ends without its index, as after a kill".to_owned());
+        notes.push(TRUNCATED.to_owned());
     }
     let gains = header.extra.get("gains").cloned().unwrap_or_default();
     let twin = match twin_of(&header, &gains) {
@@ -132,7 +141,24 @@ pub(super) fn of_log(log: &Path, folder: Option<&Path>, as_json: bool) -> anyhow
         notes,
     };
     let beside = log.parent().unwrap_or(Path::new("."));
-    show(&material, folder.unwrap_or(beside), as_json)
+    let outcome = show(&material, folder.unwrap_or(beside), as_json)?;
+    Ok(if outcome == Outcome::Done && !shortfalls.is_empty() { Outcome::Incomplete } else { outcome })
+}
+
+/// What a log lacks, one sentence each. Skipped periods have no records to lack: they are overruns.
+fn shortfalls(is_truncated: bool, trace: &Trace) -> Vec<String> {
+    let mut shortfalls = Vec::new();
+    if is_truncated {
+        shortfalls.push(TRUNCATED.to_owned());
+    }
+    if trace.lost_records > 0 {
+        shortfalls.push(format!("{} records were lost on the way to the log", trace.lost_records));
+    }
+    let missing = trace.missing_cycles().saturating_sub(trace.overruns);
+    if missing > 0 {
+        shortfalls.push(format!("{missing} cycles are missing in the log"));
+    }
+    shortfalls
 }
 
 /// The circles in a log, by the number of their motion.
@@ -229,6 +255,8 @@ fn print(
         cycles: sheet.cycles,
         overruns: sheet.overruns,
         lost_records: sheet.lost_records,
+        missing_cycles: test.missing_cycles,
+        stale_samples: test.stale_samples,
         log: material.log,
         report: files.map(|files| files.html.as_path()),
         protrusion_um: Points {
@@ -254,8 +282,7 @@ fn print(
         let names = [html, svg, png].map(|path: &PathBuf| path.display().to_string());
         lines += &format!("report  {}\n        {}\n        {}\n", names[0], names[1], names[2]);
     }
-    print_text(&lines);
-    Ok(())
+    print_text(&lines)
 }
 
 /// The outcome with what the log lost, said aloud.
@@ -268,4 +295,36 @@ pub(super) fn with_losses(outcome: Outcome, log: &WriteOutcome, lost_records: u6
     }
     let is_whole = lost_records == 0 && log.is_complete && log.first_error.is_none();
     if outcome == Outcome::Done && !is_whole { Outcome::Incomplete } else { outcome }
+}
+
+#[cfg(test)]
+mod tests {
+    #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
+    use super::*;
+    use crate::base::record::CycleRecord;
+    use crate::base::time::{Moment, Span};
+
+    /// Cycles of a log, with what the last one counts.
+    fn trace(cycles: &[u64], overruns: u64, lost_records: u64) -> Trace {
+        let records = cycles.iter().map(|&cycle| {
+            let mut record = CycleRecord::empty(2);
+            record.cycle = cycle;
+            record.timing.scheduled = Moment::ZERO + Span::us(500) * cycle as i64;
+            if cycle > cycles[0] {
+                (record.overruns, record.lost_records) = (overruns, lost_records);
+            }
+            record
+        });
+        Trace::from_records(records).unwrap()
+    }
+
+    #[test]
+    fn what_a_log_lacks_is_said_and_a_skipped_period_is_no_lack() {
+        assert!(shortfalls(false, &trace(&[1, 2, 3], 0, 0)).is_empty());
+        assert!(shortfalls(false, &trace(&[1, 2, 5], 2, 0)).is_empty(), "two periods were skipped");
+        assert_eq!(shortfalls(false, &trace(&[1, 2, 6], 2, 0)), ["1 cycles are missing in the log"]);
+        assert_eq!(shortfalls(false, &trace(&[1, 2], 0, 4)), ["4 records were lost on the way to the log"]);
+        assert_eq!(shortfalls(true, &trace(&[1, 2], 0, 0)), [TRUNCATED]);
+    }
 }

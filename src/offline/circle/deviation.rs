@@ -67,14 +67,14 @@ impl CircleValues {
         let open = undetermined(path, "a circle", points_m.len());
         let circle = fit::least_squares_circle(&points_m).ok_or_else(|| open.clone())?;
         let annulus = fit::minimum_zone(&points_m).ok_or(open)?;
-        let measured_m = &path.deviation_m[path.measured.clone()];
+        let measured_m = || path.measured_rows().map(|row| path.deviation_m[row]);
         let [x, y] = [axis_values(path, AxisId::X)?, axis_values(path, AxisId::Y)?];
         Ok(Self {
             samples: points_m.len(),
             circular_deviation_um: UM * annulus.width_m,
             circular_deviation_least_squares_um: UM * fit::width_about(&points_m, circle.centre_m),
-            radial_deviation_um_max: UM * measured_m.iter().copied().fold(f64::NEG_INFINITY, f64::max),
-            radial_deviation_um_min: UM * measured_m.iter().copied().fold(f64::INFINITY, f64::min),
+            radial_deviation_um_max: UM * measured_m().fold(f64::NEG_INFINITY, f64::max),
+            radial_deviation_um_min: UM * measured_m().fold(f64::INFINITY, f64::min),
             mean_radius_mm: 1e3 * circle.radius_m,
             radius_decrease_um: -UM * arcs.radius_m(),
             centre_offset_x_um: UM * circle.centre_m[0],
@@ -140,11 +140,11 @@ fn axis_values(path: &Path, axis: AxisId) -> Result<AxisValues, CircleError> {
 fn free_rows(path: &Path, reversals: &[Reversal]) -> Vec<usize> {
     let guard = Guard::of(&path.nominal);
     let is_free = |row: &usize| !reversals.iter().any(|reversal| guard.covers(reversal, path.time_s[*row]));
-    path.measured.clone().filter(is_free).collect()
+    path.measured_rows().filter(is_free).collect()
 }
 
 fn points(path: &Path) -> Vec<[f64; 2]> {
-    path.measured.clone().map(|row| [path.x_m[row], path.y_m[row]]).collect()
+    path.measured_rows().map(|row| [path.x_m[row], path.y_m[row]]).collect()
 }
 
 fn undetermined(path: &Path, what: &'static str, samples: usize) -> CircleError {

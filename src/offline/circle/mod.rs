@@ -172,6 +172,10 @@ impl Run<'_> {
         }
     }
 
+    fn stale_samples(&self) -> Result<u64, CircleError> {
+        Ok(self.axes()?.iter().map(|axis| axis.stale_samples() as u64).sum())
+    }
+
     fn measured(&self) -> Result<Range<usize>, CircleError> {
         let rows = &self.trace.is_measured;
         let (first, last) = (rows.iter().position(|is| *is), rows.iter().rposition(|is| *is));
@@ -231,6 +235,10 @@ pub struct CircularTest {
     pub feed_mm_per_min: f64,
     /// Turns evaluated in each direction.
     pub revolutions: u32,
+    /// Cycles missing between the rows of all directions.
+    pub missing_cycles: u64,
+    /// Samples of X and Y that were not of their own cycle. They are left out like missing cycles.
+    pub stale_samples: u64,
     /// At the motor encoders.
     pub motor: PointAnalysis,
     /// At the table scales; `None` where the machine has none.
@@ -262,6 +270,8 @@ pub fn analyse(runs: &[Run<'_>]) -> Result<CircularTest, CircleError> {
         radius_mm: first.radius.as_mm(),
         feed_mm_per_min: first.feed.as_mm_per_min(),
         revolutions: first.revolutions,
+        missing_cycles: runs.iter().map(|run| run.trace.missing_cycles()).sum(),
+        stale_samples: runs.iter().map(Run::stale_samples).sum::<Result<u64, _>>()?,
         motor,
         table: analyse_point(runs, MeasuringPoint::Table)?,
     })
@@ -328,7 +338,7 @@ fn friction_free(
             twin.cycle[twin_start] as i64 + run.trace.cycle[row] as i64 - run.trace.cycle[start] as i64;
         let found = u64::try_from(cycle).ok().and_then(|cycle| twin.cycle.binary_search(&cycle).ok());
         match found {
-            Some(at) => Ok(twin_path.deviation_m[at]),
+            Some(at) => Ok(if twin_path.is_fresh[at] { twin_path.deviation_m[at] } else { f64::NAN }),
             // Outside the evaluated part nothing is compared; there the twin may be shorter.
             None if !path.on_circle.contains(&row) => Ok(f64::NAN),
             None => Err(CircleError::ReferenceMismatch {

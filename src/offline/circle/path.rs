@@ -4,6 +4,9 @@
 //! positive in the direction of travel; the deviation is `hypot(x - cx, y - cy) - R` at the *actual*
 //! point, drawn over the *actual* angle (ISO 230-4 looks at the path, not at the time).
 //!
+//! A sample that is not of its own cycle tells where the axis was earlier. Such rows stay in the columns,
+//! so that cycles can be matched, but count as missing: whoever reads positions asks `is_fresh`.
+//!
 //! Invariant: every column has the length of the stretch; `measured` is not empty.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
@@ -34,6 +37,8 @@ pub struct Path {
     pub deviation_m: Vec<f64>,
     /// Sign of the velocity of each motor: +1, 0 or -1.
     pub sign: [Vec<f64>; 2],
+    /// Whether both axes were sampled in the row's own cycle; if not, the row's position is none.
+    pub is_fresh: Vec<bool>,
     /// The evaluated rows.
     pub measured: Range<usize>,
     /// The evaluated rows and those around them in which the command was already, or still, on the circle.
@@ -109,9 +114,15 @@ impl Path {
             x_m,
             y_m,
             deviation_m,
+            is_fresh: x.is_fresh.iter().zip(&y.is_fresh).map(|(x, y)| *x && *y).collect(),
             measured,
             on_circle,
         }))
+    }
+
+    /// The evaluated rows that have a position.
+    pub fn measured_rows(&self) -> impl Iterator<Item = usize> {
+        self.measured.clone().filter(|row| self.is_fresh[*row])
     }
 
     /// Actual angle of a row, counter-clockwise from +X, in `0..2π`.

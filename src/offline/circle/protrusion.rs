@@ -132,8 +132,10 @@ fn measure_one(
     arc_m: &[f64],
     friction_free_m: Option<&[f64]>,
 ) -> Option<Protrusion> {
-    let rows: Vec<usize> =
-        path.on_circle.clone().filter(|row| guard.covers(reversal, path.time_s[*row])).collect();
+    let is_known = |row: usize| path.is_fresh[row] && friction_free_m.is_none_or(|m| m[row].is_finite());
+    let rows: Vec<usize> = (path.on_circle.clone())
+        .filter(|row| guard.covers(reversal, path.time_s[*row]) && is_known(*row))
+        .collect();
     let above =
         |baseline_m: &[f64]| rows.iter().map(|&row| path.deviation_m[row] - baseline_m[row]).collect();
     let over_arc_m: Vec<f64> = above(arc_m);

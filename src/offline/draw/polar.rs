@@ -119,9 +119,8 @@ impl Polar {
 /// The deviations to be seen; the nominal circle too if it is not far off.
 fn deviation_range_um(point: &PointAnalysis) -> [f64; 2] {
     let all = point.directions.iter().flat_map(|analysis| {
-        let measured = analysis.path.measured.clone();
-        let twin_m = analysis.friction_free_m.as_ref().map(|column| &column[measured.clone()]);
-        analysis.path.deviation_m[measured].iter().chain(twin_m.into_iter().flatten()).map(|m| UM * m)
+        let columns = std::iter::once(&analysis.path.deviation_m).chain(&analysis.friction_free_m);
+        columns.flat_map(|column| analysis.path.measured_rows().map(|row| UM * column[row]))
     });
     let [low_um, high_um] = range(all, 0.02);
     let span_um = high_um - low_um;
@@ -168,8 +167,7 @@ fn curve(svg: &mut Svg, polar: &Polar, analysis: &PathAnalysis, deviation_m: &[f
     let bins = 1440 * analysis.path.nominal.revolutions as usize;
     let rows: Vec<[f64; 2]> = analysis
         .path
-        .measured
-        .clone()
+        .measured_rows()
         .filter(|row| deviation_m[*row].is_finite())
         .map(|row| [analysis.path.angle_rad(row), UM * deviation_m[row]])
         .collect();

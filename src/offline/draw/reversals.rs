@@ -123,8 +123,9 @@ fn lines(
         let outward = if matches!(quadrant, Quadrant::XPlus | Quadrant::YPlus) { 1.0 } else { -1.0 };
         let mut add = |analysis: &PathAnalysis, stroke: Stroke, value: &dyn Fn(usize) -> f64| {
             let since_s = |at: usize| analysis.path.time_s[at] - protrusion.reversal_s;
-            let rows = (0..analysis.path.time_s.len())
-                .filter(|at| (range_s[0]..=range_s[1]).contains(&since_s(*at)));
+            let rows = (0..analysis.path.time_s.len()).filter(|at| {
+                analysis.path.is_fresh[*at] && (range_s[0]..=range_s[1]).contains(&since_s(*at))
+            });
             lines.push(Line { points: rows.map(|at| [since_s(at), value(at)]).collect(), stroke });
         };
         let solid = stroke(motor.direction);

@@ -63,7 +63,7 @@ pub(super) fn render(sheet: &TestSheet, test: &CircularTest, runs: &[Run<'_>]) -
                 h2 { "Quantities of ISO 230-4 and of each axis" }
                 @for point in test.points() { (quantities(point)) }
                 h2 { "Notes" }
-                (notes(sheet, test, runs))
+                (notes(sheet, test))
             }
         }
     };
@@ -203,9 +203,7 @@ fn quantities(point: &PointAnalysis) -> Markup {
     }
 }
 
-fn notes(sheet: &TestSheet, test: &CircularTest, runs: &[Run<'_>]) -> Markup {
-    let missing: u64 = runs.iter().map(|run| run.trace.missing_cycles()).sum();
-    let stale: usize = runs.iter().flat_map(|run| &run.trace.axes).map(|axis| axis.stale_samples()).sum();
+fn notes(sheet: &TestSheet, test: &CircularTest) -> Markup {
     let is_shortened = test.motor.directions.iter().any(|analysis| analysis.is_guard_shortened);
     let baseline = test.motor.directions.first().and_then(|analysis| analysis.protrusions.first());
     html! {
@@ -215,8 +213,8 @@ fn notes(sheet: &TestSheet, test: &CircularTest, runs: &[Run<'_>]) -> Markup {
             }
             li { "Radius decrease is the nominal radius minus that of the arcs between the reversals; protrusions and wind-up do not enter it." }
             @if is_shortened { li { "The quadrants pass so fast that the tails of the reversals reach into the arcs: heights over the arc and the radius decrease are a little too small." } }
-            @if missing > 0 { li.no { (missing) " cycles are missing in the log." } }
-            @if stale > 0 { li.no { (stale) " samples were not fresh in their cycle." } }
+            @if test.missing_cycles > 0 { li.no { (test.missing_cycles) " cycles are missing." } }
+            @if test.stale_samples > 0 { li.no { (test.stale_samples) " samples were not fresh in their cycle and are left out." } }
             @if sheet.lost_records > 0 { li.no { (sheet.lost_records) " records were lost on the way to the log." } }
             @if sheet.overruns > 0 { li.no { (sheet.overruns) " periods were skipped because a cycle came late." } }
             @for note in &sheet.notes { li { (note) } }
