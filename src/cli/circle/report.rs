@@ -299,7 +299,6 @@ pub(super) fn with_losses(outcome: Outcome, log: &WriteOutcome, lost_records: u6
 
 #[cfg(test)]
 mod tests {
-    #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
     use super::*;
     use crate::base::record::CycleRecord;
