@@ -2,10 +2,12 @@
 //!
 //! Everything here runs inside the cycle or prepares for it. Settings are given at construction,
 //! state is small and fixed in size, time is an argument; only `cycle/pace.rs` reads the clock.
-//! Invariant: no heap after construction, no lock, no formatting, no panic path in what the cycle
-//! calls. `clippy.toml` lists what that forbids, and it is denied from here down.
+//! Invariant: in what the cycle calls no heap after construction, no lock, no formatting, and no panic
+//! but for a bug or a clock that fails. From here down the lints deny the calls that `clippy.toml` lists,
+//! `panic!`, `unwrap` and `expect`; `assert!`, an index and arithmetic they do not see.
 
 #![cfg_attr(not(test), deny(clippy::disallowed_macros, clippy::disallowed_methods, clippy::disallowed_types))]
+#![cfg_attr(not(test), deny(clippy::panic, clippy::expect_used, clippy::unwrap_used))]
 
 pub mod bus; //     frames in and out
 pub mod wire; //    bytes to meaning and back
