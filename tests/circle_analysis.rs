@@ -269,3 +269,17 @@ fn results_serialise_under_their_documented_names() {
     assert_eq!(json["motor"]["directions"][1]["direction"], "cw");
     assert!(json["motor"]["directions"][0]["circular_deviation_um"].is_f64());
 }
+
+#[test]
+fn a_run_that_comes_to_rest_later_than_its_twin_is_judged_all_the_same() {
+    let nominal = circle(2000.0, Direction::Cw, 1);
+    let whole = trace(&REFERENCE.friction_free().records(&nominal));
+    let last = whole.is_measured.iter().rposition(|is| *is).unwrap();
+    let records = REFERENCE.friction_free().records(&nominal);
+    let short = trace(&records[..=last]);
+    let run = trace(&REFERENCE.records(&nominal));
+    let judge = |twin: &Trace| analyse(&[Run { nominal, trace: &run, friction_free: Some(twin) }]).unwrap();
+    let (with_whole, with_short) = (judge(&whole), judge(&short));
+    assert_eq!(with_whole.motor.protrusion_um.max, with_short.motor.protrusion_um.max);
+    assert!(with_short.motor.protrusion_um.max > 20.0);
+}

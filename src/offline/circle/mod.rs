@@ -339,8 +339,9 @@ fn friction_free(
         let found = u64::try_from(cycle).ok().and_then(|cycle| twin.cycle.binary_search(&cycle).ok());
         match found {
             Some(at) => Ok(if twin_path.is_fresh[at] { twin_path.deviation_m[at] } else { f64::NAN }),
-            // Outside the evaluated part nothing is compared; there the twin may be shorter.
-            None if !path.on_circle.contains(&row) => Ok(f64::NAN),
+            // Outside the evaluated part the twin may be shorter: on the wall clock the run comes to rest
+            // later than its twin does.
+            None if !path.measured.contains(&row) => Ok(f64::NAN),
             None => Err(CircleError::ReferenceMismatch {
                 direction: run.nominal.direction,
                 cycle: run.trace.cycle[row].saturating_sub(run.trace.cycle[start]),
