@@ -190,11 +190,11 @@ fn an_axis_is_enabled_where_it_stands_outside_its_travel_and_comes_back() {
     assert!((place_mm - 30.0).abs() < 0.05, "{place_mm} mm of 30 mm");
 }
 
-#[test]
-fn an_axis_that_coasts_is_enabled_without_a_jerk() {
+/// A machine whose drives tripped in motion and that is ordered on again before it has come to rest.
+fn enabled_while_coasting(feed_mm_per_s: f64) -> Rig {
     let mut rig = Rig::new(machine_with("reference", &[]), 6);
     rig.enable();
-    let order = rig.line_to(200.0, 60.0);
+    let order = rig.line_to(200.0, feed_mm_per_s);
     rig.order(order);
     rig.run(1_200);
     for axis in [X, Y] {
@@ -203,6 +203,12 @@ fn an_axis_that_coasts_is_enabled_without_a_jerk() {
     rig.run(8);
     rig.order(Order::ClearFaults);
     rig.order(Order::Enable);
+    rig
+}
+
+#[test]
+fn an_axis_that_coasts_is_enabled_without_a_jerk() {
+    let mut rig = enabled_while_coasting(60.0);
     let mut speed_mm_per_s = 0.0;
     while rig.axis(X).mode != ModeTag::Ready {
         speed_mm_per_s = rig.state(X).motor_velocity.as_mm_per_s();
@@ -227,17 +233,7 @@ fn an_axis_that_coasts_is_enabled_without_a_jerk() {
 
 #[test]
 fn axes_enabled_during_the_brake_of_an_old_motion_stay_where_they_are() {
-    let mut rig = Rig::new(machine_with("reference", &[]), 6);
-    rig.enable();
-    let order = rig.line_to(200.0, 40.0);
-    rig.order(order);
-    rig.run(1_200);
-    for axis in [X, Y] {
-        rig.line.wired.rack_mut().board_mut(axis).trip_drive(0x2310, 0);
-    }
-    rig.run(8);
-    rig.order(Order::ClearFaults);
-    rig.order(Order::Enable);
+    let mut rig = enabled_while_coasting(40.0);
     rig.run_until(ModeTag::Ready, 100);
     let motion = rig.last.stage.motion;
     let place = rig.axis(X).setpoint.position;
