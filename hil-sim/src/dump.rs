@@ -62,6 +62,8 @@ pub(crate) fn write(out: &mut impl Write, time_us: u64, interface: &str, frame: 
     let id = StandardId::new(frame.id().raw()).ok_or(io::ErrorKind::InvalidData)?;
     let seen = match frame.format() {
         Format::Classic => CanDataFrame::new(id, frame.payload()).map(CanAnyFrame::Normal),
+        // A report of a controller; boards send none.
+        Format::Report => None,
         Format::Fd { bit_rate_switch } => CanFdFrame::new(id, frame.payload()).map(|mut fd| {
             fd.set_brs(bit_rate_switch);
             CanAnyFrame::Fd(fd)

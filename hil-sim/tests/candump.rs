@@ -23,6 +23,7 @@ struct Tapped {
 fn text(frame: &Frame) -> String {
     let separator = match frame.format() {
         Format::Classic => "#".to_owned(),
+        Format::Report => unreachable!("a board reports through no controller"),
         // candump writes the FD flags as one digit: 4 is FDF, 1 is BRS.
         Format::Fd { bit_rate_switch } => format!("##{}", 4 + u8::from(bit_rate_switch)),
     };

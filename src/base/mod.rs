@@ -1,14 +1,15 @@
 //! Ground floor: the words every other floor speaks.
 //!
 //! Plain `Copy` types with no behaviour beyond algebra: quantities with their units, moments and
-//! spans, axes, and the record of one control cycle. What reads a clock, a file or a frame does
-//! not belong here.
+//! spans, axes, frames, and the record of one control cycle. What reads a clock, a file or the meaning
+//! of a frame does not belong here.
 //!
 //! Invariant: imports nothing of ours; no floor is too low to use it.
 
 pub mod axis;
 pub mod command;
 pub mod fault;
+pub mod frame;
 pub mod motion;
 pub mod record;
 pub mod sample;

@@ -30,6 +30,8 @@ struct Bits {
 fn bits(format: Format, payload_bytes: usize) -> Bits {
     let payload = 8 * payload_bytes;
     match format {
+        // It never was on the wire.
+        Format::Report => Bits { nominal: 0, data: 0 },
         // SOF 1, identifier 11, RTR, IDE, r0, DLC 4, payload, CRC 15 are stuffed; then CRC delimiter,
         // ACK, ACK delimiter, EOF 7, intermission 3.
         Format::Classic => {
