@@ -82,20 +82,23 @@ fn a_hundred_thousand_cycles_of_a_circle_touch_no_heap() {
     // Smaller than the run: a ring that runs full must not touch the heap either.
     let (mut near, mut far) = record_ring(1 << 10);
     let mut pace = Virtual::new(rig.machine.cycle.period);
-    let (mut measured, mut drained) = (0, 0);
+    let (mut measured, mut drained, mut told) = (0, 0, 0);
     let before = touched();
     for cycle in 0..CYCLES {
         pace.wait();
         let record = rig.step();
         measured += u64::from(record.stage.is_measured);
-        near.put(record);
+        let record = *record;
+        near.put(&record, &rig.inputs);
         pace.finish();
         if cycle < CYCLES / 2 {
             drained += u64::from(far.ring.pop().is_ok());
+            told += u64::from(far.inputs.pop().is_ok());
         }
     }
     let after = touched();
     assert_eq!(after - before, 0, "allocations and frees in {CYCLES} cycles");
+    assert!(told > 100, "{told} heartbeats on their way to the log");
     assert!(measured > 90_000, "{measured} cycles of a circle");
     assert!(drained > 49_000 && near.lost() > 48_000, "the ring was drained and then ran full");
     assert!(rig.last.axes.as_slice().iter().all(|axis| axis.mode == ModeTag::Moving), "{:?}", rig.modes());

@@ -73,7 +73,7 @@ fn a_session_as_text_gives_the_frames_of_the_run_in_memory() {
     let mut grid = Virtual::new(machine.cycle.period);
     for _ in 0..400 {
         let slot: pace::Slot = grid.wait();
-        cycle.run(&mut bus, &mut Hold, &slot);
+        cycle.run(&mut bus, &mut Hold, &slot, &mut || slot.timing.scheduled);
     }
     assert!(bus.received.len() > 800, "{} frames from the boards", bus.received.len());
 

@@ -43,6 +43,10 @@ pub enum Fault {
     Overrun = 16,
     /// The axis did not come to rest in the time that a stop may take.
     StopTimeout = 17,
+    /// The CAN interface is down, or the host's controller has left the bus.
+    BusDown = 18,
+    /// Somebody else sends SYNC or commands on this bus.
+    SecondHost = 19,
 }
 
 /// What an axis does on a fault.
@@ -58,7 +62,7 @@ pub enum StopCategory {
 
 impl Fault {
     /// Every fault, in order of the numbers.
-    pub const ALL: [Self; 17] = [
+    pub const ALL: [Self; 19] = [
         Self::FeedbackLost,
         Self::DriveFault,
         Self::FollowingError,
@@ -76,6 +80,8 @@ impl Fault {
         Self::SendFailed,
         Self::Overrun,
         Self::StopTimeout,
+        Self::BusDown,
+        Self::SecondHost,
     ];
 
     /// The number that stands in the log.
@@ -106,6 +112,8 @@ impl Fault {
             Self::SendFailed => "send-failed",
             Self::Overrun => "overrun",
             Self::StopTimeout => "stop-timeout",
+            Self::BusDown => "bus-down",
+            Self::SecondHost => "second-host",
         }
     }
     /// The page about it, from the top of the project.
@@ -130,7 +138,9 @@ impl Fault {
             | Self::NotANumber
             | Self::DriveDropped
             | Self::SendFailed
-            | Self::StopTimeout => StopCategory::Immediate,
+            | Self::StopTimeout
+            | Self::BusDown
+            | Self::SecondHost => StopCategory::Immediate,
         }
     }
     /// Whether the position counted so far is not to be trusted after it. Such a fault is never cleared:

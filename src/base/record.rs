@@ -1,7 +1,8 @@
 //! The record of one cycle: the cycle's working memory, the entry of the ring to the writer and
 //! the row of the log are this one type.
 //!
-//! Invariant: everything a cycle read and decided stands in its record; a replay needs nothing else.
+//! Invariant: everything a cycle read and decided stands in its record or in its inputs
+//! ([`super::input`]); a replay needs nothing else.
 
 use super::axis::PerAxis;
 use super::command::Command;
@@ -58,8 +59,100 @@ pub struct Timing {
     pub scheduled: Moment,
     /// When it started.
     pub woke: Moment,
+    /// When it had received all it would.
+    pub collected: Moment,
+    /// When its commands stood.
+    pub decided: Moment,
     /// When the cycle before this one had finished.
     pub previous_finished: Moment,
+}
+
+impl Timing {
+    /// A cycle that takes no time, as in virtual time.
+    pub const fn at(scheduled: Moment) -> Self {
+        Self {
+            scheduled,
+            woke: scheduled,
+            collected: scheduled,
+            decided: scheduled,
+            previous_finished: scheduled,
+        }
+    }
+}
+
+/// Frames of one board, counted since the cycle started.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LinkCounts {
+    /// Feedback used.
+    pub fresh: u32,
+    /// Cycles that ended without fresh feedback.
+    pub missed: u32,
+    /// Feedback frames that answered another cycle's SYNC, or this one's a second time.
+    pub late: u32,
+    /// Feedback frames that had been there before.
+    pub repeated: u32,
+    /// Frames with an identifier of this board that could not be read.
+    pub malformed: u32,
+    /// Heartbeats.
+    pub heartbeats: u32,
+    /// Emergencies, with those that report the end of an error.
+    pub emergencies: u32,
+    /// Restarts of the board.
+    pub resets: u32,
+}
+
+/// When the feedback of a cycle came; not told apart from older ones where the sample is stale.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Arrival {
+    /// How many frames the cycle had received before it.
+    pub place: u8,
+    /// When.
+    pub at: Moment,
+}
+
+/// What a bus said to a frame that was handed to it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Refusal {
+    /// Taken.
+    #[default]
+    None = 0,
+    /// No room.
+    Full = 1,
+    /// The bus is down.
+    Down = 2,
+}
+
+/// State of the host's own CAN controller (ISO 11898-1).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+#[repr(u8)]
+pub enum BusState {
+    /// It takes part, and says aloud when a frame is wrong.
+    #[default]
+    ErrorActive = 0,
+    /// It still takes part as before; its error counters have risen.
+    ErrorWarning = 1,
+    /// It takes part, but may not disturb others' frames any more.
+    ErrorPassive = 2,
+    /// It has left the bus.
+    BusOff = 3,
+}
+
+/// The bus in one cycle.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct BusRecord {
+    /// State of the host's own controller.
+    pub state: BusState,
+    /// What became of SYNC.
+    pub sync: Refusal,
+    /// What became of the commands.
+    pub commands: Refusal,
+    /// Reports of the own controller, since start.
+    pub reports: u32,
+    /// Frames that belong to no axis, or that only a host sends, since start.
+    pub foreign: u32,
+    /// Frames that the receiving end dropped because nobody took them in time, since start.
+    pub dropped: u32,
 }
 
 /// One axis in one cycle.
@@ -75,6 +168,10 @@ pub struct AxisRecord {
     pub setpoint: Setpoint,
     /// What was measured.
     pub sample: Sample,
+    /// When it came.
+    pub arrival: Arrival,
+    /// How the link to the board fared.
+    pub link: LinkCounts,
     /// What was commanded.
     pub command: Command,
 }
@@ -97,8 +194,10 @@ pub struct CycleRecord {
     pub timing: Timing,
     /// Periods skipped since start because a cycle came late.
     pub overruns: u64,
-    /// Records lost since start because the ring was full or the disk refused.
+    /// Records and inputs lost since start because a ring was full or the disk refused.
     pub lost_records: u64,
+    /// The bus.
+    pub bus: BusRecord,
     /// What the cycle was part of.
     pub stage: Stage,
     /// Each axis.
@@ -113,6 +212,7 @@ impl CycleRecord {
             timing: Timing::default(),
             overruns: 0,
             lost_records: 0,
+            bus: BusRecord::default(),
             stage: Stage::default(),
             axes: PerAxis::filled(axes, AxisRecord::default()),
         }

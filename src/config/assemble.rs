@@ -20,6 +20,7 @@ impl Machine {
             heartbeat_timeout: self.supervision.heartbeat_timeout,
             patience: self.supervision.patience,
             overruns: self.supervision.overruns,
+            losses: self.supervision.losses,
             stop_acceleration: self.motion.path_acceleration,
         }
     }

@@ -76,6 +76,8 @@ pub struct Supervision {
     pub patience: Patience,
     /// How many missed periods are borne.
     pub overruns: BucketLimit,
+    /// How much missed feedback and how many unusable frames of a board are borne.
+    pub losses: BucketLimit,
 }
 
 /// Speeds of motions that nobody specified further.

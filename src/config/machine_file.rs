@@ -81,6 +81,10 @@ fn supervision(section: Section<'_>) -> Supervision {
             misses_max: section.whole("overrun-misses-max", 0..=1_000_000, "") as u32,
             drain_cycles: section.whole("overrun-drain-cycles", 1..=1_000_000, "cycles") as u32,
         },
+        losses: BucketLimit {
+            misses_max: section.whole("bus-losses-max", 0..=1_000_000, "") as u32,
+            drain_cycles: section.whole("bus-loss-drain-cycles", 1..=1_000_000, "cycles") as u32,
+        },
     };
     section.close();
     supervision

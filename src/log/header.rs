@@ -273,10 +273,10 @@ pub(super) mod tests {
         assert!(matches!(read(&keys), Err(LogError::Damaged { offset: 8, .. })));
 
         let mut keys = example(&["x"]).to_keys();
-        keys.insert("format_version".to_owned(), "2".to_owned());
+        keys.insert("format_version".to_owned(), (schema::VERSION + 1).to_string());
         keys.insert(CHECKSUM.to_owned(), checksum(&keys));
         let message = read(&keys).unwrap_err().to_string();
-        assert_eq!(message, "run.mcap: log format version 2, this program reads version 1 only");
+        assert_eq!(message, "run.mcap: log format version 3, this program reads version 2 only");
     }
 
     #[test]

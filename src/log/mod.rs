@@ -26,6 +26,7 @@ pub mod csv;
 mod error;
 mod frame;
 pub mod header;
+pub mod input;
 pub mod reader;
 pub mod recover;
 mod salvage;

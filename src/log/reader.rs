@@ -12,13 +12,14 @@ use std::path::Path;
 
 use mcap::records::{Record, op};
 
+use crate::base::input::Input;
 use crate::base::record::CycleRecord;
 
 use super::chunk;
 use super::error::LogError;
 use super::frame::{Frame, Frames, le_u64};
 use super::header::{Header, MACHINE_ATTACHMENT, METADATA};
-use super::schema;
+use super::{input, schema};
 
 /// Reads a log.
 #[derive(Debug)]
@@ -27,6 +28,7 @@ pub struct Reader<R = BufReader<File>> {
     header: Header,
     contents: Contents,
     next: usize,
+    inputs_taken: usize,
     is_over: bool,
 }
 
@@ -50,7 +52,7 @@ impl<R: Read + Seek> Reader<R> {
         let mut frames = Frames::new(source, file)?;
         let header = read_header(&mut frames)?;
         let contents = Contents::new(&header);
-        Ok(Self { frames, header, contents, next: 0, is_over: false })
+        Ok(Self { frames, header, contents, next: 0, inputs_taken: 0, is_over: false })
     }
 
     /// What the log says about its run.
@@ -64,10 +66,19 @@ impl<R: Read + Seek> Reader<R> {
         self.frames.is_truncated()
     }
 
+    /// What the cycles up to that of `record` were told, since this was asked last: `record` is the one that
+    /// was read last.
+    pub fn inputs_until(&mut self, record: &CycleRecord) -> &[Input] {
+        let left = self.contents.inputs.get(self.inputs_taken..).unwrap_or(&[]);
+        let count = left.iter().take_while(|input| input.cycle <= record.cycle).count();
+        self.inputs_taken += count;
+        &left[..count]
+    }
+
     /// Reads on to the next chunk that has records; false at the end of the file.
     fn read_chunk(&mut self) -> Result<bool, LogError> {
-        self.next = 0;
-        self.contents.records.clear();
+        (self.next, self.inputs_taken) = (0, 0);
+        self.contents.clear();
         while let Some(frame) = self.frames.next()? {
             if frame.opcode == op::CHUNK {
                 let offset = frame.offset;
@@ -99,7 +110,7 @@ impl<R: Read + Seek> Iterator for Reader<R> {
                 Ok(true) => {}
                 Ok(false) => return None,
                 Err(error) => {
-                    self.contents.records.clear();
+                    self.contents.clear();
                     return Some(Err(error));
                 }
             }
@@ -200,20 +211,37 @@ impl Problem {
     }
 }
 
-/// The records of one chunk, and what was said so far about the channel they are on.
+/// Records and inputs of one chunk, and what was said so far about the channels they are on.
 #[derive(Debug)]
 struct Contents {
     axes: usize,
     schema_text: String,
     schema: Option<u16>,
     channel: Option<u16>,
+    input_schema: Option<u16>,
+    input_channel: Option<u16>,
     records: Vec<CycleRecord>,
+    inputs: Vec<Input>,
 }
 
 impl Contents {
     fn new(header: &Header) -> Self {
         let schema_text = schema::text(&header.axes);
-        Self { axes: header.axes.len(), schema_text, schema: None, channel: None, records: Vec::new() }
+        Self {
+            axes: header.axes.len(),
+            schema_text,
+            schema: None,
+            channel: None,
+            input_schema: None,
+            input_channel: None,
+            records: Vec::new(),
+            inputs: Vec::new(),
+        }
+    }
+
+    fn clear(&mut self) {
+        self.records.clear();
+        self.inputs.clear();
     }
 
     fn read(&mut self, chunk: Frame<'_>) -> Result<(), Problem> {
@@ -223,18 +251,21 @@ impl Contents {
             _ => Ok(()),
         });
         if outcome.is_err() {
-            self.records.clear();
+            self.clear();
         }
         outcome
     }
 
     fn read_message(&mut self, body: &[u8]) -> Result<(), Problem> {
         let message = Message::parse(body)?;
-        if Some(message.channel) != self.channel {
-            return Err(foreign(format!("a message on channel {}", message.channel), schema::TOPIC));
+        let of_this_version = |error: schema::DecodeError| foreign(error.to_string(), "of this version");
+        if Some(message.channel) == self.channel {
+            self.records.push(schema::decode(message.payload, self.axes).map_err(of_this_version)?);
+        } else if Some(message.channel) == self.input_channel {
+            self.inputs.push(input::decode(message.payload).map_err(of_this_version)?);
+        } else {
+            return Err(foreign(format!("a message on channel {}", message.channel), TOPICS));
         }
-        let record = schema::decode(message.payload, self.axes);
-        self.records.push(record.map_err(|error| foreign(error.to_string(), "a cycle of this version"))?);
         Ok(())
     }
 
@@ -242,33 +273,46 @@ impl Contents {
     fn read_declaration(&mut self, opcode: u8, body: &[u8]) -> Result<(), Problem> {
         match mcap::parse_record(opcode, body).map_err(|error| error.to_string())? {
             Record::Schema { header, data } => {
-                let is_ours = header.name == schema::SCHEMA_NAME
-                    && header.encoding == schema::SCHEMA_ENCODING
-                    && *data == *self.schema_text.as_bytes();
-                if !is_ours {
+                let is_known = |name: &str, text: &str| {
+                    header.name == name
+                        && header.encoding == schema::SCHEMA_ENCODING
+                        && *data == *text.as_bytes()
+                };
+                if is_known(schema::SCHEMA_NAME, &self.schema_text) {
+                    self.schema = Some(header.id);
+                } else if is_known(input::SCHEMA_NAME, input::SCHEMA) {
+                    self.input_schema = Some(header.id);
+                } else {
                     let found = format!("schema `{}` ({})", header.name, header.encoding);
                     return Err(foreign(
                         found,
-                        "`quadrant/msg/Cycle` (ros2msg) with the fields of this version",
+                        "`quadrant/msg/Cycle` and `quadrant/msg/Input` (ros2msg) with the fields of this version",
                     ));
                 }
-                self.schema = Some(header.id);
             }
             Record::Channel(channel) => {
-                let is_ours = channel.topic == schema::TOPIC
-                    && channel.message_encoding == schema::MESSAGE_ENCODING
-                    && Some(channel.schema_id) == self.schema;
-                if !is_ours {
+                let is_known = |topic: &str, schema: Option<u16>| {
+                    channel.topic == topic
+                        && channel.message_encoding == schema::MESSAGE_ENCODING
+                        && Some(channel.schema_id) == schema
+                };
+                if is_known(schema::TOPIC, self.schema) {
+                    self.channel = Some(channel.id);
+                } else if is_known(input::TOPIC, self.input_schema) {
+                    self.input_channel = Some(channel.id);
+                } else {
                     let found = format!("channel `{}` ({})", channel.topic, channel.message_encoding);
-                    return Err(foreign(found, "`/cycle` (cdr) alone"));
+                    return Err(foreign(found, TOPICS));
                 }
-                self.channel = Some(channel.id);
             }
             _ => {}
         }
         Ok(())
     }
 }
+
+/// What a log of this version holds.
+const TOPICS: &str = "`/cycle` and `/input` (cdr) alone";
 
 fn foreign(found: String, expected: &str) -> Problem {
     Problem::Foreign { found, expected: expected.to_owned() }

@@ -14,7 +14,6 @@ use std::path::{Path, PathBuf};
 use mcap::records::{Record, op};
 
 use crate::base::axis::AxisId;
-use crate::base::record::CycleRecord;
 use crate::base::time::Span;
 
 use super::error::LogError;
@@ -62,7 +61,7 @@ pub fn recover(from: &Path, to: &Path) -> Result<Recovery, LogError> {
     while let Some(chunk) = found {
         // A stray chunk of another machine cannot stand in this log.
         if Some(chunk.axes()) == axes {
-            output.write(&chunk.records)?;
+            output.write(&chunk)?;
             records += chunk.records.len() as u64;
         }
         found = next()?;
@@ -169,9 +168,16 @@ impl<'a> Output<'a> {
         Ok(Self { path, file, stream, bytes: Vec::new() })
     }
 
-    fn write(&mut self, records: &[CycleRecord]) -> Result<(), LogError> {
-        for record in records {
-            self.stream.push(record).map_err(io::Error::other).map_err(LogError::io(self.path, "build"))?;
+    fn write(&mut self, chunk: &Found) -> Result<(), LogError> {
+        let mut left = chunk.inputs.as_slice();
+        for record in &chunk.records {
+            let count = left.iter().take_while(|input| input.cycle <= record.cycle).count();
+            let (told, later) = left.split_at(count);
+            left = later;
+            self.stream
+                .push(record, told)
+                .map_err(io::Error::other)
+                .map_err(LogError::io(self.path, "build"))?;
             if self.stream.open_bytes() >= CHUNK_BYTES {
                 self.flush()?;
             }

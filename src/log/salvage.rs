@@ -9,12 +9,13 @@ use std::io::{self, Read, Seek, SeekFrom};
 use mcap::MAGIC;
 use mcap::records::{Record, op};
 
+use crate::base::input::Input;
 use crate::base::record::CycleRecord;
 
 use super::chunk;
 use super::frame::{BODY_BYTES_MAX, HEAD_BYTES, le_u64};
 use super::reader::Message;
-use super::schema;
+use super::{input, schema};
 
 /// Length and name of the compression, as in every chunk of ours.
 const SIGNATURE: &[u8] = b"\x04\0\0\0zstd";
@@ -30,6 +31,8 @@ const SEARCH_BYTES: usize = 64 << 10;
 pub(super) struct Found {
     /// Its records, at least one.
     pub(super) records: Vec<CycleRecord>,
+    /// What its cycles were told.
+    pub(super) inputs: Vec<Input>,
     /// Wall clock of the first, nanoseconds since 1970.
     pub(super) wall_ns: u64,
     first_sequence: u32,
@@ -203,9 +206,11 @@ impl Salvage {
         else {
             return Ok(0);
         };
-        let by_channel =
-            statistics.channel_message_counts.values().try_fold(0_u64, |sum, count| sum.checked_add(*count));
-        Ok(if by_channel == Some(statistics.message_count) { statistics.message_count } else { 0 })
+        let counts = &statistics.channel_message_counts;
+        let by_channel = counts.values().try_fold(0_u64, |sum, count| sum.checked_add(*count));
+        // The cycles are on the first channel of a log.
+        let cycles = counts.first_key_value().map_or(0, |(_, count)| *count);
+        Ok(if by_channel == Some(statistics.message_count) { cycles } else { 0 })
     }
 }
 
@@ -216,6 +221,11 @@ fn records(chunk: &[u8]) -> Option<Found> {
     let opened = chunk::open(chunk, |opcode, body| {
         if opcode == op::MESSAGE {
             let message = Message::parse(body)?;
+            // The declarations of the channels may be lost; the length tells them apart.
+            if message.payload.len() == input::MESSAGE_BYTES {
+                found.inputs.push(input::decode(message.payload).map_err(|error| error.to_string())?);
+                return Ok(());
+            }
             let axes = *axes.get_or_insert_with(|| schema::axes_of(message.payload.len()).unwrap_or(0));
             let record = schema::decode(message.payload, axes).map_err(|error| error.to_string())?;
             if found.records.is_empty() {

@@ -1,4 +1,5 @@
-//! The layout of a log: one message per cycle on the topic [`TOPIC`], one nested message per axis.
+//! The layout of a log: one message per cycle on the topic [`TOPIC`], one nested message per axis. The other
+//! topic, of what cycles were told, is [`super::input`]'s.
 //!
 //! The two tables below are the only list of fields. Schema text, encoder, decoder and the header
 //! line of a CSV export all follow from them. A row reads
@@ -9,7 +10,7 @@
 use crate::base::axis::{AXES_MAX, PerAxis};
 use crate::base::command::Limits;
 use crate::base::fault::Fault;
-use crate::base::record::{AxisRecord, CycleRecord, ModeTag};
+use crate::base::record::{AxisRecord, BusState, CycleRecord, ModeTag, Refusal};
 use crate::base::sample::Freshness;
 use crate::base::time::Moment;
 use crate::base::units::{Acceleration, Current, Position, Torque, Velocity};
@@ -17,7 +18,7 @@ use crate::base::units::{Acceleration, Current, Position, Torque, Velocity};
 use super::cdr::{Decoder, Sink, Wire};
 
 /// Version of the log format: of the tables in this file and of the header's keys.
-pub const VERSION: u32 = 1;
+pub const VERSION: u32 = 2;
 /// Where the cycles are.
 pub const TOPIC: &str = "/cycle";
 /// Name of their schema.
@@ -78,6 +79,8 @@ cell! {
     ModeTag as u8: |mode| mode as u8, ModeTag::from_number;
     Option<Fault> as u8: |fault: Self| fault.map_or(0, Fault::number), fault_from_number;
     Freshness as u8: |freshness| freshness as u8, freshness_from_number;
+    BusState as u8: |state| state as u8, bus_state_from_number;
+    Refusal as u8: |refusal| refusal as u8, refusal_from_number;
     Limits as u8: Limits::bits, |bits| Some(Limits::from_bits(bits)).filter(|limits| limits.bits() == bits);
 }
 
@@ -87,6 +90,15 @@ fn fault_from_number(number: u8) -> Option<Option<Fault>> {
 
 fn freshness_from_number(number: u8) -> Option<Freshness> {
     [Freshness::Never, Freshness::Fresh, Freshness::Stale].into_iter().find(|known| *known as u8 == number)
+}
+
+fn bus_state_from_number(number: u8) -> Option<BusState> {
+    use BusState::{BusOff, ErrorActive, ErrorPassive, ErrorWarning};
+    [ErrorActive, ErrorWarning, ErrorPassive, BusOff].into_iter().find(|known| *known as u8 == number)
+}
+
+fn refusal_from_number(number: u8) -> Option<Refusal> {
+    [Refusal::None, Refusal::Full, Refusal::Down].into_iter().find(|known| *known as u8 == number)
 }
 
 /// A message that no record of this version encodes to.
@@ -99,6 +111,12 @@ pub enum DecodeError {
         bytes: usize,
         /// Axes of the log.
         axes: usize,
+    },
+    /// Not an input of this version.
+    #[error("message of {bytes} bytes is no input of a cycle")]
+    Input {
+        /// Length of the message.
+        bytes: usize,
     },
     /// A number that stands for nothing.
     #[error("field `{field}` holds {value}, which this version does not know")]
@@ -141,11 +159,19 @@ table!(CycleRecord as CYCLE_FIELDS, put_cycle, take_cycle {
     cycle: u64 ["-"] = cycle, "number of the period on the grid since start; gaps are skipped or lost periods";
     scheduled_ns: i64 ["ns"] = timing.scheduled, "when the grid wanted the cycle to start, on the run's clock";
     woke_ns: i64 ["ns"] = timing.woke, "when it started, on the run's clock";
+    collected_ns: i64 ["ns"] = timing.collected, "when it had received all it would";
+    decided_ns: i64 ["ns"] = timing.decided, "when its commands stood";
     previous_finished_ns: i64 ["ns"] = timing.previous_finished, "when the cycle before had finished";
     overruns: u64 ["-"] = overruns, "periods skipped since start because a cycle came late";
     lost_records: u64 ["-"] = lost_records, "records lost since start because the ring was full or the disk refused";
     motion: u32 ["-"] = stage.motion, "number of the motion in this run, see the header; 0 before the first";
     is_measured: bool ["-"] = stage.is_measured, "1 in the evaluated part of the motion";
+    bus_state: u8 ["-"] = bus.state, "own controller: 0 error active, 1 error warning, 2 error passive, 3 bus-off";
+    sync_refusal: u8 ["-"] = bus.sync, "what became of SYNC: 0 taken, 1 no room, 2 bus down";
+    commands_refusal: u8 ["-"] = bus.commands, "what became of the commands: 0 taken, 1 no room, 2 bus down";
+    bus_reports: u32 ["-"] = bus.reports, "reports of the own controller since start";
+    foreign_frames: u32 ["-"] = bus.foreign, "frames since start that belong to no axis or that only a host sends";
+    dropped_frames: u32 ["-"] = bus.dropped, "frames since start that came and were dropped because nobody took them";
 });
 
 table!(AxisRecord as AXIS_FIELDS, put_axis, take_axis {
@@ -165,16 +191,26 @@ table!(AxisRecord as AXIS_FIELDS, put_axis, take_axis {
     integral_nm: f64 ["N m"] = command.terms.integral, "integral part of the velocity loop";
     friction_nm: f64 ["N m"] = command.terms.friction, "feed-forward of the friction law";
     inertia_nm: f64 ["N m"] = command.terms.inertia, "feed-forward of the moved inertia";
+    arrived_ns: i64 ["ns"] = arrival.at, "when the last fresh sample came, on the run's clock";
     age_cycles: u32 ["cycles"] = sample.age_cycles, "cycles since the last fresh sample";
     raw_motor_counts: u32 ["counts"] = sample.raw.motor_counts, "motor encoder as received, wraps at 2^32";
     raw_table_counts: u32 ["counts"] = sample.raw.table_counts, "table scale as received, wraps at 2^32";
     raw_current_ua: i32 ["uA"] = sample.raw.current_ua, "motor current as received";
     raw_board_time_us: u32 ["us"] = sample.raw.board_time_us, "board clock at the latch, wraps at 2^32";
+    fresh_frames: u32 ["-"] = link.fresh, "feedback used, since start";
+    missed_frames: u32 ["-"] = link.missed, "cycles without fresh feedback, since start";
+    late_frames: u32 ["-"] = link.late, "feedback that answered another cycle, since start";
+    repeated_frames: u32 ["-"] = link.repeated, "feedback that had been there before, since start";
+    malformed_frames: u32 ["-"] = link.malformed, "frames that could not be read, since start";
+    heartbeats: u32 ["-"] = link.heartbeats, "heartbeats of the board since start";
+    emergencies: u32 ["-"] = link.emergencies, "emergencies of the board since start";
+    resets: u32 ["-"] = link.resets, "restarts of the board since start";
     raw_answers_cycle: u16 ["-"] = sample.raw.answers_cycle, "low 16 bits of the number of the SYNC answered";
     raw_status_word: u16 ["-"] = sample.raw.status_word, "CiA 402 status word (object 6041h)";
     control_word: u16 ["-"] = command.control_word, "CiA 402 control word (object 6040h)";
     raw_sequence: u8 ["-"] = sample.raw.sequence, "counts feedback frames, wraps at 256";
     raw_board_flags: u8 ["-"] = sample.raw.board_flags, "flags of the board";
+    arrival_place: u8 ["-"] = arrival.place, "how many frames that cycle had received before it";
     freshness: u8 ["-"] = sample.freshness, "0 never heard, 1 fresh, 2 stale";
     mode: u8 ["-"] = mode, "0 off, 1 enabling, 2 ready, 3 moving, 4 stopping, 5 faulted";
     fault: u8 ["-"] = fault, "number of the fault, 0 none; see docs/faults";

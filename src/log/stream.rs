@@ -14,20 +14,21 @@ use mcap::records::{MessageHeader, Metadata};
 use mcap::write::NoSeek;
 use mcap::{Attachment, Compression, WriteOptions};
 
+use crate::base::input::Input;
 use crate::base::record::CycleRecord;
 
 use super::cdr::Encoder;
 use super::header::{Header, MACHINE_ATTACHMENT, METADATA};
-use super::schema;
+use super::{input, schema};
 
 /// An MCAP file in the making.
 pub(super) struct Stream {
     file: mcap::Writer<NoSeek<Shelf>>,
     shelf: Shelf,
     header: Header,
-    channel: u16,
+    cycles: Channel,
+    inputs: Channel,
     encoder: Encoder,
-    sequence: u32,
     open_records: u64,
     open_bytes: usize,
 }
@@ -54,25 +55,29 @@ impl Stream {
             data: header.machine_text.as_bytes().into(),
         })?;
         let text = schema::text(&header.axes);
-        let id = file.add_schema(schema::SCHEMA_NAME, schema::SCHEMA_ENCODING, text.as_bytes())?;
-        let channel = file.add_channel(id, schema::TOPIC, schema::MESSAGE_ENCODING, &BTreeMap::new())?;
+        let mut channel = |name, text: &str, topic| -> mcap::McapResult<Channel> {
+            let schema = file.add_schema(name, schema::SCHEMA_ENCODING, text.as_bytes())?;
+            let id = file.add_channel(schema, topic, schema::MESSAGE_ENCODING, &BTreeMap::new())?;
+            Ok(Channel { id, sequence: 0 })
+        };
+        let cycles = channel(schema::SCHEMA_NAME, &text, schema::TOPIC)?;
+        let inputs = channel(input::SCHEMA_NAME, input::SCHEMA, input::TOPIC)?;
         let encoder = Encoder::default();
-        Ok(Self { file, shelf, header, channel, encoder, sequence: 0, open_records: 0, open_bytes: 0 })
+        Ok(Self { file, shelf, header, cycles, inputs, encoder, open_records: 0, open_bytes: 0 })
     }
 
-    /// Adds a record to the open chunk.
-    pub(super) fn push(&mut self, record: &CycleRecord) -> mcap::McapResult<()> {
+    /// Adds a record to the open chunk, behind what its cycle was told.
+    pub(super) fn push(&mut self, record: &CycleRecord, inputs: &[Input]) -> mcap::McapResult<()> {
+        let wall_ns = self.header.wall_ns(record.timing.scheduled);
+        for told in inputs {
+            self.encoder.restart();
+            input::put(told, &mut self.encoder);
+            self.open_bytes += self.encoder.bytes().len();
+            self.file.write_to_known_channel(&self.inputs.envelope(wall_ns), self.encoder.bytes())?;
+        }
         self.encoder.restart();
         schema::put(record, &mut self.encoder);
-        let wall_ns = self.header.wall_ns(record.timing.scheduled);
-        let envelope = MessageHeader {
-            channel_id: self.channel,
-            sequence: self.sequence,
-            log_time: wall_ns,
-            publish_time: wall_ns,
-        };
-        self.file.write_to_known_channel(&envelope, self.encoder.bytes())?;
-        self.sequence = self.sequence.wrapping_add(1);
+        self.file.write_to_known_channel(&self.cycles.envelope(wall_ns), self.encoder.bytes())?;
         self.open_records += 1;
         self.open_bytes += self.encoder.bytes().len();
         Ok(())
@@ -101,6 +106,21 @@ impl Stream {
     /// Moves what is complete to the end of `bytes`.
     pub(super) fn take(&mut self, bytes: &mut Vec<u8>) {
         bytes.append(&mut self.shelf.bytes());
+    }
+}
+
+/// One topic of the file.
+struct Channel {
+    id: u16,
+    sequence: u32,
+}
+
+impl Channel {
+    /// Of its next message.
+    fn envelope(&mut self, wall_ns: u64) -> MessageHeader {
+        let sequence = self.sequence;
+        self.sequence = sequence.wrapping_add(1);
+        MessageHeader { channel_id: self.id, sequence, log_time: wall_ns, publish_time: wall_ns }
     }
 }
 

@@ -22,6 +22,7 @@ use std::time::{Duration, Instant};
 
 use crossbeam::channel::{Sender, bounded};
 
+use crate::base::input::Input;
 use crate::base::record::CycleRecord;
 
 use super::backlog::Backlog;
@@ -72,6 +73,7 @@ impl Writer {
         path: &Path,
         header: Header,
         records: rtrb::Consumer<CycleRecord>,
+        inputs: rtrb::Consumer<Input>,
         lost: Arc<AtomicU64>,
     ) -> Result<Self, LogError> {
         header.check()?;
@@ -83,6 +85,8 @@ impl Writer {
             backlog: Backlog::new(file),
             syncer,
             records,
+            inputs,
+            told: Vec::new(),
             lost,
             taken: 0,
             refused: 0,
@@ -115,6 +119,9 @@ struct Task {
     backlog: Backlog,
     syncer: Syncer,
     records: rtrb::Consumer<CycleRecord>,
+    inputs: rtrb::Consumer<Input>,
+    /// Of the record at hand.
+    told: Vec<Input>,
     lost: Arc<AtomicU64>,
     taken: u64,
     refused: u64,
@@ -144,7 +151,12 @@ impl Task {
         let Ok(batch) = self.records.read_chunk(count) else { return 0 };
         let mut refused = 0;
         for record in batch {
-            let is_taken = !self.backlog.is_full() && self.stream.push(&record).is_ok();
+            self.told.clear();
+            // Those of a record that was lost go to the next one: each says its cycle itself.
+            while self.inputs.peek().is_ok_and(|input| input.cycle <= record.cycle) {
+                self.told.extend(self.inputs.pop());
+            }
+            let is_taken = !self.backlog.is_full() && self.stream.push(&record, &self.told).is_ok();
             refused += u64::from(!is_taken);
         }
         self.taken += count as u64;

@@ -1,34 +1,16 @@
 //! The only way across the fence around the cycle: orders in, records out.
 //!
 //! The cycle asks its source of orders for at most one at a time and never waits for one. Records leave
-//! through a wait-free ring; one that finds it full is dropped and counted, and the count travels in
-//! every later record.
+//! through a wait-free ring and the inputs of their cycle through another; what finds its ring full is
+//! dropped and counted, and the count travels in every later record.
 //! Invariant: nothing on the cycle's side of the door blocks, allocates or frees.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use crate::base::input::{INPUTS_MAX, Input, Inputs};
+pub use crate::base::order::Order;
 use crate::base::record::CycleRecord;
-use crate::rt::control::profile::{CircleMotion, LineMotion};
-
-/// What the cycle can be told.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Order {
-    /// Current on, bumpless.
-    Enable,
-    /// Come to rest, current off.
-    Disable,
-    /// Come to rest along the path.
-    Stop,
-    /// Forget faults whose cause is gone.
-    ClearFaults,
-    /// Use this gain set on every axis, without a bump.
-    UseGains(u8),
-    /// Move straight.
-    Line(LineMotion),
-    /// Move in a circle.
-    Circle(CircleMotion),
-}
 
 /// Where orders come from: the ring from outside, or a procedure that runs beside the cycle.
 pub trait Orders {
@@ -41,9 +23,9 @@ pub trait Orders {
 
 /// Where records go.
 pub trait Records {
-    /// Take one cycle's record. Must not wait on a machine.
-    fn put(&mut self, record: &CycleRecord);
-    /// Records lost so far, anywhere on the way to the disk.
+    /// Take one cycle's record and what the cycle was told. Must not wait on a machine.
+    fn put(&mut self, record: &CycleRecord, inputs: &Inputs);
+    /// Records and inputs lost so far, anywhere on the way to the disk.
     fn lost(&self) -> u64;
 }
 
@@ -51,6 +33,7 @@ pub trait Records {
 #[derive(Debug)]
 pub struct RecordRing {
     ring: rtrb::Producer<CycleRecord>,
+    inputs: rtrb::Producer<Input>,
     lost: Arc<AtomicU64>,
     cycles: Arc<AtomicU64>,
     overruns: Arc<AtomicU64>,
@@ -61,7 +44,9 @@ pub struct RecordRing {
 pub struct RecordDrain {
     /// Records in order.
     pub ring: rtrb::Consumer<CycleRecord>,
-    /// Records lost; the writer adds what it cannot write.
+    /// Inputs in order; those of a record are here before it is.
+    pub inputs: rtrb::Consumer<Input>,
+    /// Records and inputs lost; the writer adds what it cannot write.
     pub lost: Arc<AtomicU64>,
     /// Cycles run so far, for progress and supervision.
     pub cycles: Arc<AtomicU64>,
@@ -69,23 +54,28 @@ pub struct RecordDrain {
     pub overruns: Arc<AtomicU64>,
 }
 
+/// Inputs on their way: seconds of a bus on which every frame is a stray one.
+const RING_INPUTS: usize = 4_096;
+
 /// A ring for `capacity` records.
 pub fn record_ring(capacity: usize) -> (RecordRing, RecordDrain) {
     let (producer, consumer) = rtrb::RingBuffer::new(capacity);
+    let (inputs_producer, inputs_consumer) = rtrb::RingBuffer::new(RING_INPUTS);
     let [lost, cycles, overruns] = [(); 3].map(|()| Arc::new(AtomicU64::new(0)));
     let near = RecordRing {
         ring: producer,
+        inputs: inputs_producer,
         lost: Arc::clone(&lost),
         cycles: Arc::clone(&cycles),
         overruns: Arc::clone(&overruns),
     };
-    (near, RecordDrain { ring: consumer, lost, cycles, overruns })
+    (near, RecordDrain { ring: consumer, inputs: inputs_consumer, lost, cycles, overruns })
 }
 
 impl RecordRing {
-    /// Whether a record would find room.
+    /// Whether a record and all inputs that a cycle can have would find room.
     pub fn has_room(&self) -> bool {
-        self.ring.slots() > 0
+        self.ring.slots() > 0 && self.inputs.slots() >= INPUTS_MAX
     }
     /// Whether nobody takes records any more.
     pub fn is_abandoned(&self) -> bool {
@@ -94,7 +84,12 @@ impl RecordRing {
 }
 
 impl Records for RecordRing {
-    fn put(&mut self, record: &CycleRecord) {
+    fn put(&mut self, record: &CycleRecord, inputs: &Inputs) {
+        for input in inputs.iter() {
+            if self.inputs.push(*input).is_err() {
+                self.lost.fetch_add(1, Ordering::Relaxed);
+            }
+        }
         if let Ok(slot) = self.ring.write_chunk_uninit(1) {
             // Straight into its slot: pushed by value, a record would be copied once more.
             slot.fill_from_iter(std::iter::once(record).copied());
@@ -115,9 +110,9 @@ impl Records for RecordRing {
 pub struct Both<A, B>(pub A, pub B);
 
 impl<A: Records, B: Records> Records for Both<A, B> {
-    fn put(&mut self, record: &CycleRecord) {
-        self.0.put(record);
-        self.1.put(record);
+    fn put(&mut self, record: &CycleRecord, inputs: &Inputs) {
+        self.0.put(record, inputs);
+        self.1.put(record, inputs);
     }
     fn lost(&self) -> u64 {
         self.0.lost()
@@ -132,7 +127,7 @@ mod tests {
     fn a_full_ring_counts_and_keeps_the_oldest() {
         let (mut near, mut far) = record_ring(2);
         for cycle in 0..5 {
-            near.put(&CycleRecord { cycle, ..CycleRecord::empty(2) });
+            near.put(&CycleRecord { cycle, ..CycleRecord::empty(2) }, &Inputs::default());
         }
         assert_eq!(near.lost(), 3);
         assert_eq!(far.lost.load(Ordering::Relaxed), 3);

@@ -101,7 +101,7 @@ fn serve(arguments: &Arguments) -> anyhow::Result<bool> {
     let mut signals = runtime.block_on(async { Signals::new() })?;
     let (path, header) = log_header(&machine, arguments)?;
     let origin = monotonic_now() + LEAD;
-    let writer = Writer::start(&path, header, drain.ring, drain.lost)?;
+    let writer = Writer::start(&path, header, drain.ring, drain.inputs, drain.lost)?;
     info!(log = %path.display(), "logging every cycle");
 
     let mut orders = Standby::new(arguments.hold, Arc::clone(&shared.stop_wish));

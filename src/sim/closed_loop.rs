@@ -6,6 +6,7 @@
 //! Invariant: what crosses between the two sides are frames and nothing else.
 
 use super::rack::Rack;
+use crate::base::input::Inputs;
 use crate::base::record::CycleRecord;
 use crate::base::time::{Moment, Span};
 use crate::rt::bus::memory::{self, End};
@@ -67,11 +68,11 @@ impl Wired {
 pub struct Patient(pub RecordRing);
 
 impl Records for Patient {
-    fn put(&mut self, record: &CycleRecord) {
+    fn put(&mut self, record: &CycleRecord, inputs: &Inputs) {
         while !self.0.has_room() && !self.0.is_abandoned() {
             std::thread::yield_now();
         }
-        self.0.put(record);
+        self.0.put(record, inputs);
     }
     fn lost(&self) -> u64 {
         self.0.lost()

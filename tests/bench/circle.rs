@@ -10,6 +10,7 @@ use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::time::Instant;
 
+use quadrant::base::input::Inputs;
 use quadrant::base::motion::{Circle, Direction};
 use quadrant::base::record::CycleRecord;
 use quadrant::base::units::{Position, Velocity};
@@ -94,7 +95,7 @@ fn command() {
 struct Kept(Vec<CycleRecord>);
 
 impl Records for Kept {
-    fn put(&mut self, record: &CycleRecord) {
+    fn put(&mut self, record: &CycleRecord, _inputs: &Inputs) {
         self.0.push(*record);
     }
     fn lost(&self) -> u64 {
@@ -106,7 +107,7 @@ impl Records for Kept {
 struct Discarded;
 
 impl Records for Discarded {
-    fn put(&mut self, record: &CycleRecord) {
+    fn put(&mut self, record: &CycleRecord, _inputs: &Inputs) {
         black_box(record);
     }
     fn lost(&self) -> u64 {
@@ -149,9 +150,11 @@ fn log(machine: &Machine, records: &[CycleRecord]) {
     };
     let (ring, drain) = record_ring(RING_RECORDS);
     let path = folder.path().join("circle.mcap");
-    let writer = Writer::start(&path, header, drain.ring, drain.lost).expect("a new file in a new folder");
+    let writer = Writer::start(&path, header, drain.ring, drain.inputs, drain.lost)
+        .expect("a new file in a new folder");
     let mut ring = Patient(ring);
-    records.iter().for_each(|record| ring.put(record));
+    let inputs = Inputs::default();
+    records.iter().for_each(|record| ring.put(record, &inputs));
     drop(ring);
     assert_eq!(writer.join().written, records.len() as u64, "records in the log");
 }

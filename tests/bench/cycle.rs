@@ -85,12 +85,15 @@ impl Bench {
             let slot = self.pace.wait();
             self.answer(slot.number as u32);
             let host_start = Instant::now();
-            let record = self.cycle.run(&mut self.host, &mut self.orders, &slot);
+            let pace = &self.pace;
+            let (record, inputs) =
+                self.cycle.run(&mut self.host, &mut self.orders, &slot, &mut || pace.now());
             record.lost_records = self.ring.lost();
-            self.ring.put(record);
+            self.ring.put(record, inputs);
             let host_end = Instant::now();
             self.carry_commands();
             let written = self.drain.ring.pop();
+            while self.drain.inputs.pop().is_ok() {}
             let end = Instant::now();
             let written = written.expect("a record of each cycle");
             if written.stage.is_measured {

@@ -58,7 +58,8 @@ fn record(cycle: u64) -> CycleRecord {
 
 fn write(path: &Path, records: &[CycleRecord]) {
     let (mut ring, consumer) = rtrb::RingBuffer::new(1 << 16);
-    let writer = Writer::start(path, header(), consumer, Arc::default()).expect("a new file in a new folder");
+    let writer = Writer::start(path, header(), consumer, rtrb::RingBuffer::new(1).1, Arc::default())
+        .expect("a new file in a new folder");
     for record in records {
         while ring.push(*record).is_err() {
             std::thread::yield_now();

@@ -3,6 +3,7 @@
 use std::f64::consts::FRAC_PI_4;
 use std::sync::Arc;
 
+use quadrant::base::input::Inputs;
 use quadrant::base::motion::{Circle, Direction};
 use quadrant::base::record::CycleRecord;
 use quadrant::base::units::{Acceleration, Position, Velocity};
@@ -73,7 +74,7 @@ pub(crate) fn run(
 pub(crate) struct Kept(pub(crate) Vec<CycleRecord>);
 
 impl Records for Kept {
-    fn put(&mut self, record: &CycleRecord) {
+    fn put(&mut self, record: &CycleRecord, _inputs: &Inputs) {
         self.0.push(*record);
     }
     fn lost(&self) -> u64 {

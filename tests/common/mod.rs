@@ -7,6 +7,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use quadrant::base::axis::{AxisId, PerAxis};
+use quadrant::base::input::Inputs;
 use quadrant::base::motion::{Circle, Direction};
 use quadrant::base::record::{AxisRecord, CycleRecord, ModeTag, Timing};
 use quadrant::base::time::Moment;
@@ -76,7 +77,7 @@ pub(crate) fn circle(feed_mm_per_min: f64, direction: Direction) -> CircleMotion
 pub(crate) struct Kept(pub(crate) Vec<CycleRecord>);
 
 impl Records for Kept {
-    fn put(&mut self, record: &CycleRecord) {
+    fn put(&mut self, record: &CycleRecord, _inputs: &Inputs) {
         self.0.push(*record);
     }
     fn lost(&self) -> u64 {
@@ -124,6 +125,8 @@ pub(crate) enum Fate {
     Pass,
     Lost,
     Refused,
+    /// Refused by a bus that is down.
+    Down,
 }
 
 type Hook = Box<dyn FnMut(&mut Frame) -> Fate>;
@@ -144,6 +147,7 @@ impl Bus for Line {
             Fate::Pass => self.wired.send(&frame),
             Fate::Lost => Ok(()),
             Fate::Refused => Err(SendError::Full),
+            Fate::Down => Err(SendError::Down),
         }
     }
     fn receive(&mut self, until: Moment) -> Option<Received> {
@@ -178,6 +182,7 @@ pub(crate) struct Rig {
     next: u64,
     overruns: u64,
     pub(crate) last: CycleRecord,
+    pub(crate) inputs: Inputs,
 }
 
 impl Rig {
@@ -199,7 +204,16 @@ impl Rig {
         let axes = machine.axes.count();
         let line = Line { wired, outgoing: Box::new(|_| Fate::Pass), incoming: Box::new(|_| Fate::Pass) };
         let last = CycleRecord::empty(axes);
-        Self { machine, line, cycle, queue: Queue::default(), next: 0, overruns: 0, last }
+        Self {
+            machine,
+            line,
+            cycle,
+            queue: Queue::default(),
+            next: 0,
+            overruns: 0,
+            last,
+            inputs: Inputs::default(),
+        }
     }
 
     /// To be given at the next tick of the position loop that finds it first in the queue.
@@ -210,10 +224,12 @@ impl Rig {
     /// One period.
     pub(crate) fn step(&mut self) -> &CycleRecord {
         let scheduled = Moment::ZERO + self.machine.cycle.period * self.next as i64;
-        let timing = Timing { scheduled, woke: scheduled, previous_finished: scheduled };
+        let timing = Timing::at(scheduled);
         let slot = Slot { number: self.next, timing, overruns: self.overruns };
         self.next += 1;
-        self.last = *self.cycle.run(&mut self.line, &mut self.queue, &slot);
+        let (record, inputs) = self.cycle.run(&mut self.line, &mut self.queue, &slot, &mut || scheduled);
+        self.last = *record;
+        self.inputs.clone_from(inputs);
         &self.last
     }
 

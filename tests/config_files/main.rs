@@ -163,22 +163,22 @@ fn a_problem_is_shown_at_its_place() {
     ");
     insta::assert_snapshot!(shown("lead-mm = 10.0", "lead-m = 0.01"), @r"
     error: axis.x.mechanics.lead-mm: missing, wanted is a number from 0.1 to 200 mm
-      --> mill.toml:58:9
+      --> mill.toml:60:9
        |
-    58 | [axis.x.mechanics]
+    60 | [axis.x.mechanics]
        |         ^^^^^^^^^ `lead-mm` belongs in here
 
     error: axis.x.mechanics.lead-m: unknown key
-      --> mill.toml:63:1
+      --> mill.toml:65:1
        |
-    63 | lead-m = 0.01
+    65 | lead-m = 0.01
        | ^^^^^^ is `lead-mm` meant?
     ");
     insta::assert_snapshot!(shown("current-a = 20.0", "current-a = 25.1"), @r"
     error: axis.x.limits.current-a: 25.1 A is above the drive's peak current
-       --> mill.toml:101:13
+       --> mill.toml:103:13
         |
-    101 | current-a = 25.1
+    103 | current-a = 25.1
         |             ^^^^ allowed is 0.01 to 25 A
     ");
     insta::assert_snapshot!(shown("[bus]", "[bus"), @r"

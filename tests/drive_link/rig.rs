@@ -2,6 +2,7 @@
 
 use quadrant::base::axis::{AxisId, PerAxis};
 use quadrant::base::command::Command;
+use quadrant::base::input::Inputs;
 use quadrant::base::time::{Moment, Span};
 use quadrant::base::units::{Current, Position};
 use quadrant::rt::bus::faulty::{Faults, Faulty};
@@ -121,6 +122,8 @@ pub(crate) struct Rig {
     pub cycle: u64,
     pub sent_control_word: [u16; 2],
     pub seen: PerAxis<Observation>,
+    /// What the last cycle was told.
+    pub(crate) inputs: Inputs,
 }
 
 pub(crate) fn wired(sheet: Sheet, capacity: usize, seed: u64) -> Wired<Faulty<memory::End>> {
@@ -158,6 +161,7 @@ impl Rig {
             cycle: 1_000,
             sent_control_word: [0; 2],
             seen: PerAxis::filled(2, Observation::default()),
+            inputs: Inputs::default(),
         }
     }
     pub(crate) fn until(&self) -> Moment {
@@ -165,8 +169,9 @@ impl Rig {
     }
     pub(crate) fn collect(&mut self) -> PerAxis<Observation> {
         self.cycle += 1;
+        self.inputs.clear();
         let until = self.until();
-        self.seen = self.drives.collect(&mut self.wired, self.cycle, until);
+        self.seen = self.drives.collect(&mut self.wired, self.cycle, until, &mut self.inputs);
         self.seen
     }
     pub(crate) fn dispatch(&mut self, current: Current, target: Target) {

@@ -1,6 +1,7 @@
 //! A sample is fresh and true, or known to be old.
 
 use quadrant::base::axis::AxisId;
+use quadrant::base::input::Inputs;
 use quadrant::base::sample::Freshness;
 use quadrant::base::time::{Moment, Span};
 use quadrant::base::units::{Current, Position};
@@ -51,7 +52,7 @@ fn a_bad_bus_makes_samples_old_but_never_wrong(#[case] faults: Faults) {
     let first = rig.cycle + 1;
     rig.collect();
     rig.wired.bus.set(faults, Faults { drop: faults.drop, ..Faults::NONE });
-    let (mut stale, mut last) = ([0_u64; 2], rig.seen);
+    let (mut stale, mut last) = ([0_u32; 2], rig.seen);
     for _ in 0..3_000 {
         let seen = rig.collect();
         for (axis, Observation { sample, .. }) in seen.iter() {
@@ -84,7 +85,7 @@ fn a_bad_bus_makes_samples_old_but_never_wrong(#[case] faults: Faults) {
         }
         last = seen;
     }
-    let counts = rig.drives.counts();
+    let counts = rig.seen.map(|_, seen| seen.link);
     for (axis, counts) in counts.iter() {
         assert_eq!(counts.missed, stale[axis.index()], "axis {axis}");
         assert_eq!(counts.fresh + counts.missed, 3_001, "axis {axis}: every cycle is one or the other");
@@ -110,7 +111,7 @@ fn flipped_bits_are_survived_and_every_cycle_is_accounted_for() {
         rig.collect();
         rig.dispatch(AMPERE, Target::Enabled);
     }
-    let counts = rig.drives.counts()[X];
+    let counts = rig.seen[X].link;
     assert_eq!(counts.fresh + counts.missed, 3_000);
     assert!(counts.late > 50, "a flipped cycle is an answer to another SYNC: {counts:?}");
 }
@@ -156,8 +157,8 @@ fn frames_of_strangers_are_counted_and_change_nothing() {
         .send(&Frame::classic(Address::Feedback(node(X)).id(), [0; 8]))
         .expect("room for a frame");
     let seen = rig.collect();
-    assert_eq!(rig.drives.foreign_frames(), 3);
-    assert_eq!(rig.drives.counts()[X].malformed, 1, "a feedback frame of 8 bytes");
+    assert_eq!(rig.drives.bus().foreign, 3);
+    assert_eq!(rig.seen[X].link.malformed, 1, "a feedback frame of 8 bytes");
     assert_eq!(seen[X].sample.raw.sequence, before[X].sample.raw.sequence + 1);
 }
 
@@ -176,9 +177,10 @@ impl Bus for Flooded {
 #[test]
 fn a_flooded_bus_cannot_hold_the_cycle() {
     let mut drives = Rig::new(SHEET).drives;
-    let seen = drives.collect(&mut Flooded, 1, Moment::ZERO);
+    let mut inputs = Inputs::default();
+    let seen = drives.collect(&mut Flooded, 1, Moment::ZERO, &mut inputs);
     assert_eq!(seen[X].sample.freshness, Freshness::Never);
-    assert_eq!(drives.foreign_frames(), 64, "32 frames an axis");
+    assert_eq!(drives.bus().foreign, 64, "32 frames an axis");
 }
 
 #[test]

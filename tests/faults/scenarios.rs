@@ -4,11 +4,12 @@ use std::cell::Cell;
 
 use quadrant::base::axis::AxisId;
 use quadrant::base::fault::Fault;
+use quadrant::base::record::BusState;
 use quadrant::rt::bus::Frame;
 use quadrant::rt::door::Order;
 use quadrant::rt::wire::command::{self, RawCommand};
 use quadrant::rt::wire::scaling::{CurrentCounts, TravelCounts};
-use quadrant::rt::wire::{Address, Node};
+use quadrant::rt::wire::{Address, Node, controller};
 
 use crate::common::{Fate, Rig, X, Y};
 
@@ -60,6 +61,18 @@ pub(crate) fn good_line(rig: &mut Rig) {
 pub(crate) fn lose(rig: &mut Rig, address: Address) {
     rig.line.incoming =
         Box::new(move |frame| if Address::of(frame.id()) == Some(address) { Fate::Lost } else { Fate::Pass });
+}
+
+/// Do this to each feedback frame; it is told how many there were, with this one.
+fn on_feedback(rig: &mut Rig, mut change: impl FnMut(u32, &mut Frame) -> Fate + 'static) {
+    let mut count = 0;
+    rig.line.incoming = Box::new(move |frame| {
+        if !matches!(Address::of(frame.id()), Some(Address::Feedback(_))) {
+            return Fate::Pass;
+        }
+        count += 1;
+        change(count, frame)
+    });
 }
 
 pub(crate) fn board(rig: &mut Rig) -> &mut quadrant::sim::board::Board {
@@ -268,6 +281,65 @@ pub(crate) fn scenarios() -> Vec<Scenario> {
                 rig.line.outgoing = Box::new(move |frame| match Address::of(frame.id()) {
                     Some(Address::Sync) if once.replace(false) => Fate::Refused,
                     _ => Fate::Pass,
+                });
+            },
+            ..GENTLE
+        },
+        Scenario {
+            name: "one feedback frame in seven lost",
+            break_it: |rig| {
+                on_feedback(rig, |count, _| if count.is_multiple_of(7) { Fate::Lost } else { Fate::Pass });
+            },
+            // Twenty fit, and one in a hundred cycles drains away.
+            cycles_max: 160,
+            way_mm_max: 30.0,
+            ..GENTLE
+        },
+        Scenario {
+            fault: Fault::BusDown,
+            name: "interface down for commands",
+            // SYNC goes on: the simulated machine takes its time from it.
+            break_it: |rig| with_commands(rig, |_| Fate::Down),
+            cycles_max: WATCHDOG_CYCLES_MAX,
+            ..GENTLE
+        },
+        Scenario {
+            fault: Fault::BusDown,
+            name: "own controller bus-off for 0.15 s",
+            break_it: |rig| {
+                on_feedback(rig, |count, frame| {
+                    match count {
+                        1 => *frame = controller::encode(BusState::BusOff),
+                        600 => *frame = controller::encode(BusState::ErrorActive),
+                        _ => {}
+                    }
+                    Fate::Pass
+                });
+            },
+            ..GENTLE
+        },
+        Scenario {
+            fault: Fault::SecondHost,
+            name: "another host's SYNC",
+            break_it: |rig| {
+                on_feedback(rig, |count, frame| {
+                    if count == 1 {
+                        *frame = command::encode_sync(7);
+                    }
+                    Fate::Pass
+                });
+            },
+            ..GENTLE
+        },
+        Scenario {
+            fault: Fault::SecondHost,
+            name: "another host's command",
+            break_it: |rig| {
+                on_feedback(rig, |count, frame| {
+                    if count == 1 {
+                        *frame = command::encode(node(Y), &RawCommand::default());
+                    }
+                    Fate::Pass
                 });
             },
             ..GENTLE

@@ -66,7 +66,8 @@ fn a_log_is_never_overwritten() {
     write(&path, 2, 10);
     let before = std::fs::read(&path).unwrap();
     let (_ring, consumer) = rtrb::RingBuffer::new(4);
-    let refusal = Writer::start(&path, header(2), consumer, Arc::default()).unwrap_err();
+    let refusal =
+        Writer::start(&path, header(2), consumer, rtrb::RingBuffer::new(1).1, Arc::default()).unwrap_err();
     assert!(matches!(refusal, LogError::Exists { .. }), "{refusal}");
     assert_eq!(std::fs::read(&path).unwrap(), before);
 }
@@ -76,7 +77,9 @@ fn a_folder_that_is_not_there_is_refused_before_the_run() {
     let folder = folder();
     let path = folder.path().join("nowhere/run.mcap");
     let (_ring, consumer) = rtrb::RingBuffer::new(4);
-    let refusal = Writer::start(&path, header(2), consumer, Arc::default()).unwrap_err().to_string();
+    let refusal = Writer::start(&path, header(2), consumer, rtrb::RingBuffer::new(1).1, Arc::default())
+        .unwrap_err()
+        .to_string();
     assert!(refusal.contains("nowhere/run.mcap: cannot create: No such file"), "{refusal}");
 }
 
@@ -85,7 +88,8 @@ fn the_header_is_in_the_file_before_the_first_record() {
     let folder = folder();
     let path = folder.path().join("run.mcap");
     let (_ring, consumer) = rtrb::RingBuffer::new(4);
-    let _writer = Writer::start(&path, header(2), consumer, Arc::default()).unwrap();
+    let _writer =
+        Writer::start(&path, header(2), consumer, rtrb::RingBuffer::new(1).1, Arc::default()).unwrap();
     let mut reader = Reader::open(&path).unwrap();
     assert_eq!(reader.header(), &header(2));
     assert!(reader.next().is_none());

@@ -9,7 +9,9 @@ use std::time::Duration;
 use quadrant::base::axis::{AxisId, PerAxis};
 use quadrant::base::command::{Command, Limits, Terms};
 use quadrant::base::fault::Fault;
-use quadrant::base::record::{AxisRecord, CycleRecord, ModeTag, Stage, Timing};
+use quadrant::base::record::{
+    Arrival, AxisRecord, BusRecord, CycleRecord, LinkCounts, ModeTag, Stage, Timing,
+};
 use quadrant::base::sample::{Freshness, RawFeedback, Sample};
 use quadrant::base::setpoint::Setpoint;
 use quadrant::base::time::{Moment, Span};
@@ -62,6 +64,8 @@ pub(crate) fn record(axes: usize, cycle: u64) -> CycleRecord {
             table_position: Position::m(if axis == AxisId::X { f64::NAN } else { phase }),
             current: Current::a(phase.tan()),
         },
+        arrival: Arrival { place: 1, at: at + Span::us(90) },
+        link: LinkCounts { fresh: cycle as u32, ..LinkCounts::default() },
         command: Command {
             current: Current::a(phase.sin() * 3.0),
             control_word: 15,
@@ -74,7 +78,14 @@ pub(crate) fn record(axes: usize, cycle: u64) -> CycleRecord {
     };
     CycleRecord {
         cycle,
-        timing: Timing { scheduled: at, woke: at + Span::us(3), previous_finished: at - Span::us(400) },
+        timing: Timing {
+            scheduled: at,
+            woke: at + Span::us(3),
+            collected: at + Span::us(95),
+            decided: at + Span::us(97),
+            previous_finished: at - Span::us(400),
+        },
+        bus: BusRecord { reports: cycle as u32 / 900, ..BusRecord::default() },
         overruns: cycle / 700,
         lost_records: 0,
         stage: Stage { motion: 1, is_measured: cycle > 100 },
@@ -91,7 +102,8 @@ pub(crate) fn write_with(
 ) -> (WriteOutcome, u64) {
     let (mut ring, consumer) = rtrb::RingBuffer::new(capacity);
     let lost = Arc::new(AtomicU64::new(0));
-    let writer = Writer::start(path, header(axes), consumer, Arc::clone(&lost)).unwrap();
+    let writer =
+        Writer::start(path, header(axes), consumer, rtrb::RingBuffer::new(1).1, Arc::clone(&lost)).unwrap();
     for mut record in records {
         while let Err(rtrb::PushError::Full(back)) = ring.push(record) {
             record = back;
@@ -118,8 +130,8 @@ pub(crate) fn is_same(one: &CycleRecord, other: &CycleRecord) -> bool {
     };
     // Text makes every NaN equal; the slots of axes that the machine does not have are not shown.
     let text = |record: &CycleRecord| {
-        let CycleRecord { cycle, timing, overruns, lost_records, stage, axes } = record;
-        format!("{cycle} {timing:?} {overruns} {lost_records} {stage:?} {:?}", axes.as_slice())
+        let CycleRecord { cycle, timing, overruns, lost_records, bus, stage, axes } = record;
+        format!("{cycle} {timing:?} {overruns} {lost_records} {bus:?} {stage:?} {:?}", axes.as_slice())
     };
     bits(one) == bits(other) && text(one) == text(other)
 }
@@ -159,7 +171,8 @@ pub(crate) fn floats(axis: &AxisRecord) -> [f64; 16] {
 /// A log of `chunks` chunks of 50 records each, made by leaving the writer time in between.
 pub(crate) fn write_in_chunks(path: &Path, chunks: u64) {
     let (mut ring, consumer) = rtrb::RingBuffer::new(64);
-    let writer = Writer::start(path, header(2), consumer, Arc::default()).unwrap();
+    let writer =
+        Writer::start(path, header(2), consumer, rtrb::RingBuffer::new(1).1, Arc::default()).unwrap();
     for cycle in 0..chunks * CHUNK_RECORDS {
         ring.push(record(2, cycle)).unwrap();
         if cycle % CHUNK_RECORDS == CHUNK_RECORDS - 1 {

@@ -74,7 +74,14 @@ fn last_recorded(progress: &Path) -> Option<Moment> {
 fn record_until_killed(folder: &Path) -> ! {
     let progress = File::create(folder.join("progress")).unwrap();
     let (mut ring, consumer) = rtrb::RingBuffer::new(8192);
-    let _writer = Writer::start(&folder.join("run.mcap"), header(2), consumer, Arc::default()).unwrap();
+    let _writer = Writer::start(
+        &folder.join("run.mcap"),
+        header(2),
+        consumer,
+        rtrb::RingBuffer::new(1).1,
+        Arc::default(),
+    )
+    .unwrap();
     let start = Instant::now();
     for cycle in 0_u32.. {
         sleep((start + PERIOD * cycle).saturating_duration_since(Instant::now()));

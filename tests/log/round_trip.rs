@@ -4,7 +4,9 @@ use proptest::prelude::*;
 use quadrant::base::axis::{AXES_MAX, PerAxis};
 use quadrant::base::command::{Command, Limits, Terms};
 use quadrant::base::fault::Fault;
-use quadrant::base::record::{AxisRecord, CycleRecord, ModeTag, Stage, Timing};
+use quadrant::base::record::{
+    Arrival, AxisRecord, BusRecord, BusState, CycleRecord, LinkCounts, ModeTag, Refusal, Stage, Timing,
+};
 use quadrant::base::sample::{Freshness, RawFeedback, Sample};
 use quadrant::base::setpoint::Setpoint;
 use quadrant::base::time::Moment;
@@ -34,19 +36,42 @@ fn what_was_written_is_read() {
 
 /// Every bit pattern of every field, in every number of axes.
 fn any_record() -> impl Strategy<Value = CycleRecord> {
-    let timing = (any::<i64>(), any::<i64>(), any::<i64>()).prop_map(|(scheduled, woke, finished)| Timing {
-        scheduled: Moment::ns(scheduled),
-        woke: Moment::ns(woke),
-        previous_finished: Moment::ns(finished),
+    let timing = any::<[i64; 5]>().prop_map(|ns| {
+        let [scheduled, woke, collected, decided, previous_finished] = ns.map(Moment::ns);
+        Timing { scheduled, woke, collected, decided, previous_finished }
     });
     let stage = (any::<u32>(), any::<bool>()).prop_map(|(motion, is_measured)| Stage { motion, is_measured });
     let axes = (1..=AXES_MAX, proptest::array::uniform3(any_axis()));
-    (any::<(u64, u64, u64)>(), timing, stage, axes).prop_map(
-        |((cycle, overruns, lost_records), timing, stage, (count, axes))| {
+    (any::<(u64, u64, u64)>(), timing, any_bus(), stage, axes).prop_map(
+        |((cycle, overruns, lost_records), timing, bus, stage, (count, axes))| {
             let axes = PerAxis::from_fn(count, |axis| axes[axis.index()]);
-            CycleRecord { cycle, timing, overruns, lost_records, stage, axes }
+            CycleRecord { cycle, timing, overruns, lost_records, bus, stage, axes }
         },
     )
+}
+
+fn any_bus() -> impl Strategy<Value = BusRecord> {
+    use BusState::{BusOff, ErrorActive, ErrorPassive, ErrorWarning};
+    let refusal = || prop::sample::select(vec![Refusal::None, Refusal::Full, Refusal::Down]);
+    let state = prop::sample::select(vec![ErrorActive, ErrorWarning, ErrorPassive, BusOff]);
+    (state, refusal(), refusal(), any::<[u32; 3]>()).prop_map(
+        |(state, sync, commands, [reports, foreign, dropped])| BusRecord {
+            state,
+            sync,
+            commands,
+            reports,
+            foreign,
+            dropped,
+        },
+    )
+}
+
+fn any_link() -> impl Strategy<Value = (Arrival, LinkCounts)> {
+    (any::<(u8, i64)>(), any::<[u32; 8]>()).prop_map(|((place, at_ns), counts)| {
+        let [fresh, missed, late, repeated, malformed, heartbeats, emergencies, resets] = counts;
+        let counts = LinkCounts { fresh, missed, late, repeated, malformed, heartbeats, emergencies, resets };
+        (Arrival { place, at: Moment::ns(at_ns) }, counts)
+    })
 }
 
 fn any_axis() -> impl Strategy<Value = AxisRecord> {
@@ -75,43 +100,47 @@ fn any_axis() -> impl Strategy<Value = AxisRecord> {
         any::<u8>().prop_map(Limits::from_bits),
         any::<(u8, u32, u16)>(),
     );
-    (raw, codes, proptest::array::uniform16(float())).prop_map(|(raw, codes, f)| {
-        let (mode, fault, freshness, limits, (gain_set, age_cycles, control_word)) = codes;
-        AxisRecord {
-            mode,
-            fault,
-            gain_set,
-            setpoint: Setpoint {
-                position: Position::m(f[0]),
-                velocity: Velocity::m_per_s(f[1]),
-                acceleration: Acceleration::m_per_s2(f[2]),
-            },
-            sample: Sample {
-                raw,
-                freshness,
-                age_cycles,
-                position: Position::m(f[3]),
-                velocity: Velocity::m_per_s(f[4]),
-                table_position: Position::m(f[5]),
-                current: Current::a(f[6]),
-            },
-            command: Command {
-                current: Current::a(f[7]),
-                control_word,
-                terms: Terms {
-                    following_error: Position::m(f[8]),
-                    expected_position: Position::m(f[9]),
-                    expected_velocity: Velocity::m_per_s(f[10]),
-                    velocity_command: Velocity::m_per_s(f[11]),
-                    proportional: Torque::nm(f[12]),
-                    integral: Torque::nm(f[13]),
-                    friction: Torque::nm(f[14]),
-                    inertia: Torque::nm(f[15]),
+    (raw, any_link(), codes, proptest::array::uniform16(float())).prop_map(
+        |(raw, (arrival, link), codes, f)| {
+            let (mode, fault, freshness, limits, (gain_set, age_cycles, control_word)) = codes;
+            AxisRecord {
+                mode,
+                fault,
+                gain_set,
+                setpoint: Setpoint {
+                    position: Position::m(f[0]),
+                    velocity: Velocity::m_per_s(f[1]),
+                    acceleration: Acceleration::m_per_s2(f[2]),
                 },
-                limits,
-            },
-        }
-    })
+                sample: Sample {
+                    raw,
+                    freshness,
+                    age_cycles,
+                    position: Position::m(f[3]),
+                    velocity: Velocity::m_per_s(f[4]),
+                    table_position: Position::m(f[5]),
+                    current: Current::a(f[6]),
+                },
+                arrival,
+                link,
+                command: Command {
+                    current: Current::a(f[7]),
+                    control_word,
+                    terms: Terms {
+                        following_error: Position::m(f[8]),
+                        expected_position: Position::m(f[9]),
+                        expected_velocity: Velocity::m_per_s(f[10]),
+                        velocity_command: Velocity::m_per_s(f[11]),
+                        proportional: Torque::nm(f[12]),
+                        integral: Torque::nm(f[13]),
+                        friction: Torque::nm(f[14]),
+                        inertia: Torque::nm(f[15]),
+                    },
+                    limits,
+                },
+            }
+        },
+    )
 }
 
 proptest! {
@@ -136,7 +165,7 @@ fn the_file_is_plain_mcap_with_both_times_on_the_wall_clock() {
     let bytes = std::fs::read(&path).unwrap();
     let index = mcap::Summary::read(&bytes).unwrap().unwrap();
     assert_eq!(index.stats.as_ref().unwrap().message_count, 1000);
-    assert_eq!((index.channels.len(), index.schemas.len()), (1, 1));
+    assert_eq!((index.channels.len(), index.schemas.len()), (2, 2), "cycles and inputs");
     for (cycle, message) in mcap::MessageStream::new(&bytes).unwrap().enumerate() {
         let message = message.unwrap();
         let schema = message.channel.schema.as_ref().unwrap();

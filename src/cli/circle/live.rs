@@ -94,7 +94,7 @@ pub(super) fn record(
     let (to_log, log_drain) = record_ring(RING_RECORDS);
     let (to_trace, trace_drain) = record_ring(RING_RECORDS);
     let (cycles, lost) = (Arc::clone(&log_drain.cycles), Arc::clone(&log_drain.lost));
-    let writer = Writer::start(log, header.clone(), log_drain.ring, log_drain.lost)?;
+    let writer = Writer::start(log, header.clone(), log_drain.ring, log_drain.inputs, log_drain.lost)?;
     let tracer = thread::spawn(move || Trace::from_records(records(trace_drain.ring)));
     let twin = {
         let (machine, test, stop) = (machine.clone().without_friction(), *test, Arc::clone(&stop_wish));

@@ -40,4 +40,9 @@ pub trait Bus {
     /// The next frame, oldest first. Waits for one until the moment `until` at the latest; a frame
     /// that is already there is handed out even after it. `None`: nothing came in time.
     fn receive(&mut self, until: Moment) -> Option<Received>;
+
+    /// Frames that came and were dropped because nobody took them in time, since the bus was opened.
+    fn dropped(&self) -> u64 {
+        0
+    }
 }

@@ -15,34 +15,10 @@
 use std::f64::consts::PI;
 
 use crate::base::axis::{AxisId, PerAxis};
-use crate::base::motion::Circle;
+pub use crate::base::order::{CircleMotion, LineMotion};
 use crate::base::setpoint::Setpoint;
 use crate::base::time::Moment;
 use crate::base::units::{Acceleration, Position, Velocity};
-
-/// A circle with what leads into it and out of it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct CircleMotion {
-    /// The path to be evaluated.
-    pub circle: Circle,
-    /// At full feed before the evaluated part, s.
-    pub run_in_s: f64,
-    /// At full feed after it, s.
-    pub run_out_s: f64,
-    /// Along the path while the speed rises and falls.
-    pub acceleration: Acceleration,
-}
-
-/// A straight move with all axes.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LineMotion {
-    /// Where to.
-    pub target: PerAxis<Position>,
-    /// Along the path.
-    pub feed: Velocity,
-    /// Along the path.
-    pub acceleration: Acceleration,
-}
 
 impl CircleMotion {
     fn radius_m(&self) -> f64 {

@@ -7,7 +7,7 @@
 //! [`Cycle::run`] is the same on the machine, in simulation and in replay: the bus, the orders and the
 //! slot on the grid are arguments. The period ends well before the next: feedback that is not there by
 //! the end of the reply window is stale, and an axis that stays without is stopped.
-//! Invariant: the record holds everything that the cycle read and decided.
+//! Invariant: record and inputs hold everything that the cycle read and decided.
 
 pub mod bucket;
 pub mod mode;
@@ -20,7 +20,8 @@ mod verdict;
 use crate::base::axis::PerAxis;
 use crate::base::command::{Command, Limits as Acted};
 use crate::base::fault::Fault;
-use crate::base::record::{CycleRecord, Stage};
+use crate::base::input::{Input, Inputs, What};
+use crate::base::record::{CycleRecord, LinkCounts, Stage, Timing};
 use crate::base::sample::Freshness;
 use crate::base::time::{Moment, Span};
 use crate::base::units::Acceleration;
@@ -49,6 +50,8 @@ pub struct Settings {
     pub patience: Patience,
     /// How many missed periods are borne.
     pub overruns: BucketLimit,
+    /// How much missed feedback and how many unusable frames of a board are borne.
+    pub losses: BucketLimit,
     /// Along the path when a motion is stopped.
     pub stop_acceleration: Acceleration,
 }
@@ -65,9 +68,10 @@ pub struct Cycle {
     profile: Profile,
     overruns: Bucket,
     overruns_seen: u64,
+    losses: PerAxis<Bucket>,
     next_order_slot: u64,
-    is_send_refused: bool,
     record: CycleRecord,
+    inputs: Inputs,
 }
 
 impl Cycle {
@@ -84,25 +88,42 @@ impl Cycle {
             profile: Profile::new(count),
             overruns: Bucket::new(settings.overruns),
             overruns_seen: 0,
+            losses: PerAxis::filled(count, Bucket::new(settings.losses)),
             next_order_slot: 0,
-            is_send_refused: false,
             record: CycleRecord::empty(count),
+            inputs: Inputs::default(),
         }
     }
 
-    /// One period.
-    pub fn run<B: Bus>(&mut self, bus: &mut B, orders: &mut impl Orders, slot: &Slot) -> &mut CycleRecord {
+    /// One period: its record and what it was told. The `clock` is asked where a part of the period
+    /// ends, for the record alone; nothing is decided by it.
+    pub fn run<B: Bus>(
+        &mut self,
+        bus: &mut B,
+        orders: &mut impl Orders,
+        slot: &Slot,
+        clock: &mut impl FnMut() -> Moment,
+    ) -> (&mut CycleRecord, &Inputs) {
         let now = slot.timing.scheduled;
+        self.inputs.clear();
         let is_position_tick = self.is_position_tick(slot);
         let order = if is_position_tick { orders.next(&self.record) } else { None };
-        let observed = self.drives.collect(bus, slot.number, now + self.settings.reply_window);
+        if let Some(order) = order {
+            self.inputs.push(Input { cycle: slot.number, what: What::Order(order) });
+        }
+        let until = now + self.settings.reply_window;
+        let observed = self.drives.collect(bus, slot.number, until, &mut self.inputs);
+        let collected = clock();
         let wish = self.take(order, now);
         self.pass(slot);
         self.decide(wish, &observed, slot);
         self.profile.advance(now);
         self.control(&observed, is_position_tick);
-        self.is_send_refused = self.drives.dispatch(bus, &self.commands, slot.number).is_err();
-        self.write_record(&observed, slot)
+        let decided = clock();
+        // A refusal stands in the record, and the next cycle judges it there.
+        let _refusal = self.drives.dispatch(bus, &self.commands, slot.number);
+        self.write_record(&observed, slot, Timing { collected, decided, ..slot.timing });
+        (&mut self.record, &self.inputs)
     }
 
     /// Every so many slots; a skipped tick of the position loop is made up for in the next slot.
@@ -164,7 +185,9 @@ impl Cycle {
             let observation = &observed[axis];
             let limits = self.loops[axis].limits();
             let expected = self.loops[axis].expected();
-            let of_link = verdict::of_link(observation, *mode, self.is_send_refused, &self.settings);
+            let is_lossy = self.losses[axis].cycle(losses(observation, &self.record.axes[axis].link));
+            let commands = self.record.bus.commands;
+            let of_link = verdict::of_link(observation, *mode, commands, is_lossy, &self.settings);
             let violation = self.loops[axis].violation(&observation.sample);
             let of_axis = verdict::of_axis(observation, *mode, limits, &self.answers[axis], violation);
             let own = verdict::worst(of_link, of_axis);
@@ -223,11 +246,12 @@ impl Cycle {
         }
     }
 
-    fn write_record(&mut self, observed: &PerAxis<Observation>, slot: &Slot) -> &mut CycleRecord {
+    fn write_record(&mut self, observed: &PerAxis<Observation>, slot: &Slot, timing: Timing) {
         let record = &mut self.record;
         record.cycle = slot.number;
-        record.timing = slot.timing;
+        record.timing = timing;
         record.overruns = slot.overruns;
+        record.bus = *self.drives.bus();
         record.stage = Stage { is_measured: self.profile.is_measured(slot.timing.scheduled), ..record.stage };
         for (axis, row) in record.axes.iter_mut() {
             row.mode = self.modes[axis].tag();
@@ -235,10 +259,18 @@ impl Cycle {
             row.gain_set = self.loops[axis].gain_set();
             row.setpoint = self.profile.setpoints()[axis];
             row.sample = observed[axis].sample;
+            row.arrival = observed[axis].arrival;
+            row.link = observed[axis].link;
             row.command = self.commands[axis];
         }
-        record
     }
+}
+
+/// What a cycle lost of one board: its fresh feedback, and frames that came and could not be used.
+fn losses(observation: &Observation, before: &LinkCounts) -> u64 {
+    let unusable = |counts: &LinkCounts| counts.late + counts.repeated + counts.malformed;
+    u64::from(observation.sample.freshness != Freshness::Fresh)
+        + u64::from(unusable(&observation.link).saturating_sub(unusable(before)))
 }
 
 /// Run cycles until the orders say that it is done; the last record.
@@ -251,9 +283,9 @@ pub fn conduct<B: Bus>(
 ) -> CycleRecord {
     loop {
         let slot = pace.wait();
-        let record = cycle.run(bus, orders, &slot);
-        record.lost_records = records.lost();
-        records.put(record);
+        let (record, inputs) = cycle.run(bus, orders, &slot, &mut || pace.now());
+        record.lost_records = records.lost() + inputs.lost();
+        records.put(record, inputs);
         pace.finish();
         if orders.is_done(record) {
             return *record;

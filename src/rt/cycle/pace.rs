@@ -27,6 +27,8 @@ pub struct Slot {
 pub trait Pace {
     /// Wait for the next slot.
     fn wait(&mut self) -> Slot;
+    /// What the clock says within the present slot, in time of the run.
+    fn now(&self) -> Moment;
     /// The cycle of the present slot is done.
     fn finish(&mut self);
 }
@@ -50,11 +52,10 @@ impl Pace for Virtual {
         let number = self.next;
         self.next += 1;
         let scheduled = Moment::ZERO + self.period * number as i64;
-        Slot {
-            number,
-            timing: Timing { scheduled, woke: scheduled, previous_finished: scheduled },
-            overruns: 0,
-        }
+        Slot { number, timing: Timing::at(scheduled), overruns: 0 }
+    }
+    fn now(&self) -> Moment {
+        Moment::ZERO + self.period * (self.next as i64 - 1)
     }
     fn finish(&mut self) {}
 }
@@ -127,11 +128,17 @@ impl Pace for Wall {
         let timing = Timing {
             scheduled: since_origin(scheduled),
             woke: since_origin(woke),
+            collected: since_origin(woke),
+            decided: since_origin(woke),
             previous_finished: since_origin(self.finished),
         };
         let number = self.next;
         self.next += 1;
         Slot { number, timing, overruns: self.overruns }
+    }
+
+    fn now(&self) -> Moment {
+        Moment::ZERO + (monotonic_now() - self.origin)
     }
 
     fn finish(&mut self) {

@@ -5,6 +5,7 @@
 use super::Settings;
 use super::mode::Mode;
 use crate::base::fault::{Fault, StopCategory};
+use crate::base::record::Refusal;
 use crate::base::sample::Freshness;
 use crate::rt::control::Answer;
 use crate::rt::control::limits::Limits;
@@ -12,11 +13,13 @@ use crate::rt::drive::Observation;
 use crate::rt::drive::state::DriveState;
 use crate::rt::wire::feedback::BoardFlags;
 
-/// What is wrong with the link to an axis and with its drive, the worst first.
+/// What is wrong with the link to an axis and with its drive, the worst first. `commands` is what became
+/// of the last commands, `is_lossy` whether too much feedback was missed lately.
 pub(super) fn of_link(
     observation: &Observation,
     mode: Mode,
-    is_send_refused: bool,
+    commands: Refusal,
+    is_lossy: bool,
     settings: &Settings,
 ) -> Option<Fault> {
     let (sample, events) = (&observation.sample, &observation.events);
@@ -32,9 +35,16 @@ pub(super) fn of_link(
     } else if drive_is_in(&[DriveState::Fault, DriveState::FaultReactionActive]) || events.emergency.is_some()
     {
         Some(Fault::DriveFault)
-    } else if sample.freshness == Freshness::Never || sample.age_cycles > settings.stale_cycles_max {
+    } else if events.is_second_host {
+        Some(Fault::SecondHost)
+    } else if events.is_bus_down || commands == Refusal::Down {
+        Some(Fault::BusDown)
+    } else if sample.freshness == Freshness::Never
+        || sample.age_cycles > settings.stale_cycles_max
+        || is_lossy
+    {
         Some(Fault::FeedbackLost)
-    } else if events.is_sync_refused || is_send_refused {
+    } else if events.is_sync_refused || commands == Refusal::Full {
         Some(Fault::SendFailed)
     } else if was_enabled && !drive_is_in(&[DriveState::OperationEnabled]) {
         Some(Fault::DriveDropped)
@@ -94,6 +104,7 @@ mod tests {
         heartbeat_timeout: Span::ms(30),
         patience: Patience { enabling: Span::ms(1_000), stopping: Span::ms(1_000) },
         overruns: BucketLimit { misses_max: 2, drain_cycles: 100 },
+        losses: BucketLimit { misses_max: 20, drain_cycles: 100 },
         stop_acceleration: Acceleration::m_per_s2(0.5),
     };
     const LIMITS: Limits = Limits {
@@ -112,7 +123,10 @@ mod tests {
         let board_flags = BoardFlags::WATCHDOG_TRIPPED.with(BoardFlags::ENCODER_ERROR);
         let events = Events { board_flags, ..Events::default() };
         let observation = Observation { events, ..Observation::default() };
-        assert_eq!(of_link(&observation, Mode::Ready, false, &SETTINGS), Some(Fault::EncoderJump));
+        assert_eq!(
+            of_link(&observation, Mode::Ready, Refusal::None, false, &SETTINGS),
+            Some(Fault::EncoderJump)
+        );
     }
 
     #[test]

@@ -11,6 +11,7 @@ use super::link::Link;
 use super::sheet::SHEET;
 use super::{Configuring, DriveSettings, Drives, Operational};
 use crate::base::axis::{AxisId, PerAxis};
+use crate::base::record::BusRecord;
 use crate::base::time::{Moment, Span};
 use crate::rt::bus::{Bus, SendError};
 use crate::rt::wire::parameter::{self, Abort, Access, Object};
@@ -129,7 +130,7 @@ impl Drives<Configuring> {
         }
         let mut links = inquiry.links;
         links.as_mut_slice().iter_mut().for_each(Link::start);
-        Ok(Drives { phase: Operational { links, foreign_frames: 0 } })
+        Ok(Drives { phase: Operational { links, bus: BusRecord::default(), is_second_host: false } })
     }
 }
 

@@ -3,11 +3,12 @@
 //! Wrap-around, scale, velocity and freshness of one axis meet here.
 //! Invariant: an unusable frame changes counters and nothing else.
 
-use super::liveness::{Judgement, LinkCounts, Liveness};
+use super::liveness::{Judgement, Liveness};
 use super::state::DriveState;
 use super::velocity::VelocityEstimator;
-use super::{DriveSettings, Events, Observation};
+use super::{DriveSettings, Events, Observation, Taken};
 use crate::base::command::Command;
+use crate::base::record::Arrival;
 use crate::base::sample::{Freshness, RawFeedback, Sample};
 use crate::base::time::{Moment, Span};
 use crate::rt::bus::{Frame, Received};
@@ -46,9 +47,6 @@ impl Link {
     pub(super) const fn node(&self) -> Node {
         self.node
     }
-    pub(super) const fn counts(&self) -> LinkCounts {
-        self.liveness.counts
-    }
 
     /// What was heard while commissioning is no news for the cycle.
     pub(super) fn start(&mut self) {
@@ -57,7 +55,7 @@ impl Link {
     }
 
     /// A cycle begins: nothing of it is fresh yet, nothing has happened in it.
-    pub(super) fn begin(&mut self, cycle: u64, until: Moment, is_sync_refused: bool) {
+    pub(super) fn begin(&mut self, cycle: u64, until: Moment) {
         self.liveness.begin(cycle, until);
         let sample = &mut self.observation.sample;
         sample.freshness = match sample.freshness {
@@ -65,30 +63,32 @@ impl Link {
             Freshness::Fresh | Freshness::Stale => Freshness::Stale,
         };
         self.observation.events =
-            Events { board_flags: self.observation.events.board_flags, is_sync_refused, ..Events::default() };
+            Events { board_flags: self.observation.events.board_flags, ..Events::default() };
     }
 
     /// A cycle has received all it will.
     pub(super) fn end(&mut self, cycle: u64, until: Moment) {
         let sample = &mut self.observation.sample;
         sample.age_cycles = self.liveness.age_cycles(cycle);
-        self.liveness.counts.missed += u64::from(sample.freshness != Freshness::Fresh);
+        self.liveness.counts.missed += u32::from(sample.freshness != Freshness::Fresh);
+        self.observation.link = self.liveness.counts;
         self.observation.events.heartbeat_age = self.liveness.heartbeat_age(until);
     }
 
     /// Takes a feedback frame; whether it is the answer this cycle waits for.
-    pub(super) fn take_feedback(&mut self, frame: &Frame, cycle: u64) -> bool {
-        let Ok(raw) = feedback::decode(frame) else {
+    pub(super) fn take_feedback(&mut self, received: &Received, place: u8, cycle: u64) -> Taken {
+        let Ok(raw) = feedback::decode(&received.frame) else {
             self.liveness.counts.malformed += 1;
-            return false;
+            return Taken::Aside;
         };
         match self.liveness.judge(&raw, cycle) {
-            Judgement::Unusable => false,
+            Judgement::Unusable => Taken::Aside,
             Judgement::Fresh { periods } => {
                 self.observation.sample = self.sample(raw, periods.unwrap_or(1));
+                self.observation.arrival = Arrival { place, at: received.at };
                 self.observation.drive = DriveState::decode(raw.status_word);
                 self.observation.events.board_flags = BoardFlags::from_bits(raw.board_flags);
-                true
+                Taken::Fresh
             }
         }
     }

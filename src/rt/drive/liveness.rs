@@ -6,30 +6,10 @@
 //! age becomes a fault is for `rt/cycle` to say.
 //! Invariant: of all frames of one board at most one is fresh in a cycle, and never the same twice.
 
+use crate::base::record::LinkCounts;
 use crate::base::sample::RawFeedback;
 use crate::base::time::{Moment, Span};
 use crate::rt::wire::state::Heartbeat;
-
-/// Frames of one board, counted since the cycle started.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct LinkCounts {
-    /// Feedback frames used.
-    pub fresh: u64,
-    /// Cycles that ended without fresh feedback.
-    pub missed: u64,
-    /// Feedback frames that answered another cycle's SYNC.
-    pub late: u64,
-    /// Feedback frames that had been there before.
-    pub repeated: u64,
-    /// Frames with an identifier of this board that could not be read.
-    pub malformed: u64,
-    /// Heartbeats.
-    pub heartbeats: u64,
-    /// Emergencies, with those that report the end of an error.
-    pub emergencies: u64,
-    /// Restarts of the board.
-    pub resets: u64,
-}
 
 /// What a feedback frame is to the cycle that received it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -94,7 +74,7 @@ impl Liveness {
             heartbeat.reset_count != before.reset_count || heartbeat.uptime_s < before.uptime_s
         });
         let is_reset = heartbeat.state == Heartbeat::BOOT_UP || is_changed;
-        self.counts.resets += u64::from(is_reset);
+        self.counts.resets += u32::from(is_reset);
         is_reset
     }
 

@@ -21,17 +21,19 @@ pub mod state;
 pub mod velocity;
 
 use self::link::Link;
-use self::liveness::LinkCounts;
 use self::sheet::Sheet;
 use self::state::DriveState;
 use self::velocity::VelocityEstimate;
-use super::bus::{Bus, Received, SendError};
+use super::bus::{Bus, Format, Received, SendError};
 use super::wire::feedback::BoardFlags;
 use super::wire::scaling::AxisScale;
 use super::wire::state::Emergency;
-use super::wire::{Address, Node, command};
-use crate::base::axis::{AxisId, PerAxis};
+use super::wire::{Address, Node, command, controller};
+use crate::base::axis::{AXES_MAX, AxisId, PerAxis};
 use crate::base::command::Command;
+use crate::base::frame::{Frame, Id};
+use crate::base::input::{Input, Inputs, What};
+use crate::base::record::{Arrival, BusRecord, BusState, LinkCounts, Refusal};
 use crate::base::sample::Sample;
 use crate::base::time::{Moment, Span};
 
@@ -55,6 +57,10 @@ pub struct DriveSettings {
 pub struct Observation {
     /// What was measured; the last values if nothing fresh came.
     pub sample: Sample,
+    /// When it came.
+    pub arrival: Arrival,
+    /// How the link fared.
+    pub link: LinkCounts,
     /// State of the drive when last heard; `None` before that, or if its status word means nothing.
     pub drive: Option<DriveState>,
     /// What may be a fault.
@@ -72,6 +78,10 @@ pub struct Events {
     pub is_board_reset: bool,
     /// This cycle's SYNC could not be handed to the bus.
     pub is_sync_refused: bool,
+    /// The interface is down, or the own controller has left the bus.
+    pub is_bus_down: bool,
+    /// Somebody else sent a SYNC or a command.
+    pub is_second_host: bool,
     /// Time since the last heartbeat.
     pub heartbeat_age: Span,
 }
@@ -87,7 +97,8 @@ pub struct Configuring {
 #[derive(Clone, Debug)]
 pub struct Operational {
     links: PerAxis<Link>,
-    foreign_frames: u64,
+    bus: BusRecord,
+    is_second_host: bool,
 }
 
 /// The drives of the machine in one phase of their bring-up.
@@ -126,56 +137,69 @@ impl Drives<Configuring> {
 
 /// Most frames one cycle reads per axis. A flooded bus ends the collection instead of the deadline,
 /// because frames already received are handed out even after it.
-const FRAMES_PER_AXIS_MAX: usize = 32;
+const FRAMES_PER_AXIS_MAX: u8 = 32;
 
 impl Drives<Operational> {
     /// Sends SYNC for `cycle` and receives until every axis answered it or the moment `until` has
-    /// come. Frames behind the last answer stay in the bus for the next cycle.
-    pub fn collect<B: Bus>(&mut self, bus: &mut B, cycle: u64, until: Moment) -> PerAxis<Observation> {
-        let is_sync_refused = bus.send(&command::encode_sync(cycle as u32)).is_err();
+    /// come. Frames behind the last answer stay in the bus for the next cycle. What is not fresh
+    /// feedback goes to the `inputs`.
+    pub fn collect<B: Bus>(
+        &mut self,
+        bus: &mut B,
+        cycle: u64,
+        until: Moment,
+        inputs: &mut Inputs,
+    ) -> PerAxis<Observation> {
+        self.phase.bus.sync = refusal(bus.send(&command::encode_sync(cycle as u32)));
+        self.phase.is_second_host = false;
         for (_, link) in self.phase.links.iter_mut() {
-            link.begin(cycle, until, is_sync_refused);
+            link.begin(cycle, until);
         }
         let mut awaited = self.phase.links.count();
-        for _ in 0..FRAMES_PER_AXIS_MAX * self.phase.links.count() {
+        for place in 0..FRAMES_PER_AXIS_MAX * self.phase.links.count() as u8 {
             if awaited == 0 {
                 break;
             }
             let Some(received) = bus.receive(until) else { break };
-            awaited -= usize::from(self.take(&received, cycle));
+            match self.take(&received, place, cycle) {
+                Taken::Fresh => awaited -= 1,
+                Taken::Aside => inputs.push(Input { cycle, what: What::Frame { place, received } }),
+            }
         }
+        self.phase.bus.dropped = u32::try_from(bus.dropped()).unwrap_or(u32::MAX);
+        let Operational { bus: now, is_second_host, .. } = self.phase;
+        let is_bus_down = now.state == BusState::BusOff || now.sync == Refusal::Down;
         for (_, link) in self.phase.links.iter_mut() {
             link.end(cycle, until);
+            let events = &mut link.observation.events;
+            events.is_sync_refused = now.sync != Refusal::None;
+            events.is_bus_down = is_bus_down;
+            events.is_second_host = is_second_host;
         }
         self.phase.links.map(|_, link| link.observation)
     }
 
     /// Gives a frame to its axis; whether it was the answer the axis was waiting for.
-    fn take(&mut self, received: &Received, cycle: u64) -> bool {
+    fn take(&mut self, received: &Received, place: u8, cycle: u64) -> Taken {
         let frame = &received.frame;
-        match Address::of(frame.id()) {
-            Some(Address::Feedback(node)) => match self.link_of(node) {
-                Some(link) => return link.take_feedback(frame, cycle),
-                None => self.phase.foreign_frames += 1,
-            },
-            Some(Address::Heartbeat(node)) => match self.link_of(node) {
-                Some(link) => link.take_heartbeat(received),
-                None => self.phase.foreign_frames += 1,
-            },
-            Some(Address::Emergency(node)) => match self.link_of(node) {
-                Some(link) => link.take_emergency(frame),
-                None => self.phase.foreign_frames += 1,
-            },
-            // What only hosts send, or a reply that comes after we stopped asking.
-            Some(
-                Address::Sync
-                | Address::Command(_)
-                | Address::ParameterReply(_)
-                | Address::ParameterRequest(_),
-            )
-            | None => self.phase.foreign_frames += 1,
+        if frame.format() == Format::Report {
+            let bus = &mut self.phase.bus;
+            bus.reports = bus.reports.saturating_add(1);
+            bus.state = controller::decode(frame).map_or(bus.state, |report| report.state_after(bus.state));
+            return Taken::Aside;
         }
-        false
+        let address = Address::of(frame.id());
+        // A host of our own makes it to be the only one.
+        self.phase.is_second_host |= matches!(address, Some(Address::Sync | Address::Command(_)));
+        let link = address.and_then(Address::sender).and_then(|node| self.link_of(node));
+        match (address, link) {
+            (Some(Address::Feedback(_)), Some(link)) => return link.take_feedback(received, place, cycle),
+            (Some(Address::Heartbeat(_)), Some(link)) => link.take_heartbeat(received),
+            (Some(Address::Emergency(_)), Some(link)) => link.take_emergency(frame),
+            // Of no axis, or what only hosts send, or a reply that comes after we stopped asking.
+            _ => self.phase.bus.foreign = self.phase.bus.foreign.saturating_add(1),
+        }
+        Taken::Aside
     }
 
     fn link_of(&mut self, node: Node) -> Option<&mut Link> {
@@ -190,19 +214,37 @@ impl Drives<Operational> {
         commands: &PerAxis<Command>,
         cycle: u64,
     ) -> Result<(), SendError> {
-        let mut outcome = Ok(());
-        for (link, command) in self.phase.links.as_mut_slice().iter_mut().zip(commands.as_slice()) {
-            outcome = outcome.and(bus.send(&link.command_frame(command, cycle)));
+        let mut frames = [Frame::classic(Id::MAX, []); AXES_MAX];
+        let axes = self.phase.links.as_mut_slice().iter_mut().zip(commands.as_slice());
+        let mut count = 0;
+        for (slot, (link, command)) in frames.iter_mut().zip(axes) {
+            *slot = link.command_frame(command, cycle);
+            count += 1;
         }
+        let outcome = bus.send_all(frames.get(..count).unwrap_or(&frames));
+        self.phase.bus.commands = refusal(outcome);
         outcome
     }
 
-    /// What was counted of each axis since the cycle started.
-    pub fn counts(&self) -> PerAxis<LinkCounts> {
-        self.phase.links.map(|_, link| link.counts())
+    /// How the bus fares.
+    pub const fn bus(&self) -> &BusRecord {
+        &self.phase.bus
     }
-    /// Frames that belong to no axis, or that only a host sends: somebody else speaks on this bus.
-    pub const fn foreign_frames(&self) -> u64 {
-        self.phase.foreign_frames
+}
+
+/// What became of a frame that a cycle received.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Taken {
+    /// The answer that an axis was waiting for.
+    Fresh,
+    /// Anything else.
+    Aside,
+}
+
+const fn refusal(outcome: Result<(), SendError>) -> Refusal {
+    match outcome {
+        Ok(()) => Refusal::None,
+        Err(SendError::Full) => Refusal::Full,
+        Err(SendError::Down) => Refusal::Down,
     }
 }

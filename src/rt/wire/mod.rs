@@ -20,6 +20,7 @@
 //! Invariant: a decoder is total. Whatever bytes come, it gives a value or [`Malformed`].
 
 pub mod command;
+pub mod controller;
 pub mod feedback;
 pub mod parameter;
 pub mod scaling;
@@ -84,6 +85,16 @@ impl Address {
             Self::Heartbeat(node) => (0x700, node.0),
         };
         Id::from_low_bits(function | node as u16)
+    }
+    /// The board that sends frames of this kind; `None` for what a host sends.
+    pub const fn sender(self) -> Option<Node> {
+        match self {
+            Self::Emergency(node)
+            | Self::Feedback(node)
+            | Self::ParameterReply(node)
+            | Self::Heartbeat(node) => Some(node),
+            Self::Sync | Self::Command(_) | Self::ParameterRequest(_) => None,
+        }
     }
     /// What an identifier says; `None` if it is none of ours.
     pub const fn of(id: Id) -> Option<Self> {

@@ -1,6 +1,7 @@
 //! Each motion is one curve, stops along its path and is refused where it would never end.
 
 use super::*;
+use crate::base::motion::Circle;
 use crate::base::motion::Direction;
 use crate::base::time::Span;
 
