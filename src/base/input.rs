@@ -22,6 +22,8 @@ pub struct Input {
 pub enum What {
     /// The order of this cycle.
     Order(Order),
+    /// The last heartbeat of a board before the first cycle: what later ones are compared with.
+    Before(Received),
     /// A frame.
     Frame {
         /// How many frames the cycle had received before it.

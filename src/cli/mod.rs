@@ -7,6 +7,7 @@
 mod check;
 mod circle;
 mod log;
+mod replay;
 mod view;
 
 use std::io::{ErrorKind, IsTerminal, Write};
@@ -38,6 +39,8 @@ enum Verb {
     Check(check::Arguments),
     /// Summarise, export or recover a log
     Log(log::Arguments),
+    /// Run the recorded inputs of a log through today's code: the same must come out, bit for bit
+    Replay(replay::Arguments),
 }
 
 /// How a verb ended, unless by an error.
@@ -58,6 +61,7 @@ pub fn main() -> ExitCode {
         Verb::Circle(arguments) => circle::run(&arguments),
         Verb::Check(arguments) => check::run(&arguments),
         Verb::Log(arguments) => log::run(&arguments),
+        Verb::Replay(arguments) => replay::run(&arguments),
     };
     match outcome {
         Ok(Outcome::Done) => ExitCode::SUCCESS,

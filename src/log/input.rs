@@ -26,7 +26,7 @@ int64 at_ns  # [ns] frame: when it came, on the run's clock
 uint64[8] payload  # [-] frame: its bytes, the first is the lowest of the first word
 float64[10] values  # [-] order: line: axes, target in m (3), feed in m/s, acceleration in m/s^2; circle: centre in m (2), radius in m, feed in m/s, sign of rotation, start angle in rad, revolutions, run-in in s, run-out in s, acceleration in m/s^2; use-gains: number of the set
 uint16 identifier  # [-] frame: identifier, of a report the error classes
-uint8 kind  # [-] 0 frame, 1 enable, 2 disable, 3 stop, 4 clear-faults, 5 use-gains, 6 line, 7 circle
+uint8 kind  # [-] 0 frame, 1 enable, 2 disable, 3 stop, 4 clear-faults, 5 use-gains, 6 line, 7 circle, 8 heartbeat before the first cycle
 uint8 place  # [-] frame: how many frames the cycle had received before it
 uint8 format  # [-] frame: 0 classic, 1 FD, 2 FD with bit rate switch, 3 report of the own controller
 uint8 length  # [-] frame: bytes of its payload
@@ -35,6 +35,8 @@ uint8 length  # [-] frame: bytes of its payload
 /// Length of a message in bytes.
 pub(super) const MESSAGE_BYTES: usize = 4 + 2 * 8 + 8 * 8 + 10 * 8 + 2 + 4;
 
+/// Kind of a frame that was heard before the first cycle.
+const BEFORE: u8 = 8;
 const WORDS: usize = 8;
 const VALUES: usize = 10;
 
@@ -55,6 +57,7 @@ impl Row {
     fn of(what: &What) -> Self {
         match what {
             What::Frame { place, received } => Self::of_frame(*place, received),
+            What::Before(received) => Self { kind: BEFORE, ..Self::of_frame(0, received) },
             What::Order(order) => Self::of_order(order),
         }
     }
@@ -123,10 +126,14 @@ impl Row {
     }
 
     fn what(&self) -> Option<What> {
-        if self.kind == 0 { self.frame() } else { self.order().map(What::Order) }
+        match self.kind {
+            0 => self.received().map(|received| What::Frame { place: self.place, received }),
+            BEFORE => self.received().map(What::Before),
+            _ => self.order().map(What::Order),
+        }
     }
 
-    fn frame(&self) -> Option<What> {
+    fn received(&self) -> Option<Received> {
         let format = match self.format {
             0 => Format::Classic,
             1 | 2 => Format::Fd { bit_rate_switch: self.format == 2 },
@@ -136,8 +143,7 @@ impl Row {
         let bytes: Vec<u8> = self.words.iter().flat_map(|word| word.to_le_bytes()).collect();
         let payload = bytes.get(..usize::from(self.length))?;
         let frame = Frame::from_slice(Id::new(self.identifier)?, format, payload)?;
-        let received = Received { frame, at: Moment::ns(self.at_ns) };
-        Some(What::Frame { place: self.place, received })
+        Some(Received { frame, at: Moment::ns(self.at_ns) })
     }
 
     fn order(&self) -> Option<Order> {
@@ -266,7 +272,13 @@ pub(super) mod tests {
         let frames = frames
             .into_iter()
             .map(|frame| What::Frame { place: 7, received: Received { frame, at: Moment::ns(-5) } });
-        orders.chain(frames).zip(1_u64 << 40..).map(|(what, cycle)| Input { cycle, what }).collect()
+        let before = Received { frame: Frame::classic(id, [5; 8]), at: Moment::ns(9) };
+        orders
+            .chain(frames)
+            .chain([What::Before(before)])
+            .zip(1_u64 << 40..)
+            .map(|(what, cycle)| Input { cycle, what })
+            .collect()
     }
 
     #[test]

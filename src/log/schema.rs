@@ -226,6 +226,42 @@ pub(super) fn put(record: &CycleRecord, sink: &mut impl Sink) {
     }
 }
 
+/// The first field in which two records differ to the bit, named as in a table, and both values as text.
+pub fn difference(
+    one: &CycleRecord,
+    other: &CycleRecord,
+    axes: &[String],
+) -> Option<(String, String, String)> {
+    let [mut bytes, mut other_bytes] = [(); 2].map(|()| super::cdr::Encoder::default());
+    bytes.restart();
+    other_bytes.restart();
+    put(one, &mut bytes);
+    put(other, &mut other_bytes);
+    if bytes.bytes() == other_bytes.bytes() {
+        return None;
+    }
+    let [mut cells, mut other_cells] = [(); 2].map(|()| Cells::default());
+    put(one, &mut cells);
+    put(other, &mut other_cells);
+    let pairs = cells.0.into_iter().zip(other_cells.0);
+    let (column, (one, other)) =
+        columns(axes).into_iter().zip(pairs).find(|(_, (one, other))| one.0 != other.0)?;
+    Some((column, one.1, other.1))
+}
+
+/// The bytes of each value, and its text.
+#[derive(Default)]
+struct Cells(Vec<(Vec<u8>, String)>);
+
+impl Sink for Cells {
+    fn put<W: Wire>(&mut self, value: W) {
+        let (mut bytes, mut text) = (Vec::new(), Vec::new());
+        value.append(&mut bytes);
+        value.append_text(&mut text);
+        self.0.push((bytes, String::from_utf8_lossy(&text).into_owned()));
+    }
+}
+
 /// The record of `axes` axes that a message holds.
 pub(super) fn decode(message: &[u8], axes: usize) -> Result<CycleRecord, DecodeError> {
     let shape = || DecodeError::Shape { bytes: message.len(), axes };

@@ -3,6 +3,8 @@
 //! Order of the work: records become a [`trace`], the trace of a circular path is judged by
 //! [`circle`], [`draw`] makes the pictures and [`report`] puts numbers and pictures on one page.
 //!
+//! Any log goes through today's cycle again in [`replay`].
+//!
 //! What a machine file implies before anything runs is in [`check`], from the figures of its
 //! [`loops`] ([`margins`]).
 //! Invariant: pure functions of their input (the one exception writes the finished report); the same
@@ -13,5 +15,6 @@ pub mod circle;
 pub mod draw;
 pub mod loops;
 pub mod margins;
+pub mod replay;
 pub mod report;
 pub mod trace;

@@ -44,7 +44,7 @@ const ROOMS: &[Room] = &[
     Room { name: "config", may: &["base", "plant", "rt", "sim"] },
     Room { name: "log", may: &["base"] },
     Room { name: "service", may: &["base", "plant", "rt", "sim", "config", "log"] },
-    Room { name: "offline", may: &["base", "plant", "sim", "config", "log"] },
+    Room { name: "offline", may: &["base", "plant", "rt", "sim", "config", "log"] },
     Room { name: "cli", may: &["base", "plant", "rt", "sim", "config", "log", "offline"] },
     Room { name: "bin", may: &["cli", "service"] },
     Room { name: "hil-sim", may: &["base", "plant", "rt", "sim", "config"] },

@@ -10,10 +10,10 @@
 use super::link::Link;
 use super::sheet::SHEET;
 use super::{Configuring, DriveSettings, Drives, Operational};
-use crate::base::axis::{AxisId, PerAxis};
+use crate::base::axis::{AXES_MAX, AxisId, PerAxis};
 use crate::base::record::BusRecord;
 use crate::base::time::{Moment, Span};
-use crate::rt::bus::{Bus, SendError};
+use crate::rt::bus::{Bus, Received, SendError};
 use crate::rt::wire::parameter::{self, Abort, Access, Object};
 use crate::rt::wire::{Address, Node};
 
@@ -123,14 +123,42 @@ impl Drives<Configuring> {
     ) -> Result<Drives<Operational>, CommissionError> {
         let Configuring { settings: drives, period } = self.phase;
         let links = drives.map(|_, drive| Link::new(drive, period));
-        let mut inquiry = Inquiry { bus, clock, settings, links };
+        let mut inquiry = Inquiry { bus, clock, settings, links, heard: [None; AXES_MAX] };
         for (axis, drive) in drives.iter() {
             inquiry.check_identity(axis, drive)?;
             inquiry.check_firmware_config(axis, drive)?;
         }
-        let mut links = inquiry.links;
-        links.as_mut_slice().iter_mut().for_each(Link::start);
-        Ok(Drives { phase: Operational { links, bus: BusRecord::default(), is_second_host: false } })
+        let Inquiry { links, heard, .. } = inquiry;
+        Ok(operational(links, heard))
+    }
+
+    /// The drives as they were when a recorded run began: no board is asked, and `heard` are the heartbeats
+    /// that were heard then. For a replay, which has no boards.
+    pub fn resume(self, heard: impl IntoIterator<Item = Received>) -> Drives<Operational> {
+        let Configuring { settings: drives, period } = self.phase;
+        let mut links = drives.map(|_, drive| Link::new(drive, period));
+        let mut kept = [None; AXES_MAX];
+        for received in heard {
+            take_heartbeat(&mut links, &mut kept, &received);
+        }
+        operational(links, kept)
+    }
+}
+
+fn operational(mut links: PerAxis<Link>, before: [Option<Received>; AXES_MAX]) -> Drives<Operational> {
+    links.as_mut_slice().iter_mut().for_each(Link::start);
+    Drives { phase: Operational { links, bus: BusRecord::default(), is_second_host: false, before } }
+}
+
+/// The reset count before the cycle is what a later one is compared with; the last heartbeat of each board
+/// is kept for the record.
+fn take_heartbeat(links: &mut PerAxis<Link>, kept: &mut [Option<Received>], received: &Received) {
+    let sender = Address::of(received.frame.id()).and_then(Address::sender);
+    for (link, kept) in links.as_mut_slice().iter_mut().zip(kept) {
+        if Some(link.node()) == sender {
+            link.take_heartbeat(received);
+            *kept = Some(*received);
+        }
     }
 }
 
@@ -140,6 +168,7 @@ struct Inquiry<'bus, B, C> {
     clock: C,
     settings: CommissionSettings,
     links: PerAxis<Link>,
+    heard: [Option<Received>; AXES_MAX],
 }
 
 impl<B: Bus, C: FnMut() -> Moment> Inquiry<'_, B, C> {
@@ -216,12 +245,8 @@ impl<B: Bus, C: FnMut() -> Moment> Inquiry<'_, B, C> {
                         Ok(_) | Err(_) => {}
                     }
                 }
-                Some(Address::Heartbeat(from)) => {
-                    let links = self.links.as_mut_slice();
-                    if let Some(link) = links.iter_mut().find(|link| link.node() == from) {
-                        // The reset count before the cycle is what a later one is compared with.
-                        link.take_heartbeat(&received);
-                    }
+                Some(Address::Heartbeat(_)) => {
+                    take_heartbeat(&mut self.links, &mut self.heard, &received);
                 }
                 Some(_) | None => {}
             }

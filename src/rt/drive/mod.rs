@@ -99,6 +99,8 @@ pub struct Operational {
     links: PerAxis<Link>,
     bus: BusRecord,
     is_second_host: bool,
+    /// Heartbeats of the boards from before the first cycle, until it has told them.
+    before: [Option<Received>; AXES_MAX],
 }
 
 /// The drives of the machine in one phase of their bring-up.
@@ -152,6 +154,9 @@ impl Drives<Operational> {
     ) -> PerAxis<Observation> {
         self.phase.bus.sync = refusal(bus.send(&command::encode_sync(cycle as u32)));
         self.phase.is_second_host = false;
+        for received in self.phase.before.iter_mut().filter_map(Option::take) {
+            inputs.push(Input { cycle, what: What::Before(received) });
+        }
         for (_, link) in self.phase.links.iter_mut() {
             link.begin(cycle, until);
         }

@@ -1,0 +1,246 @@
+//! Replay: the recorded inputs of a run through today's cycle. The same commands and state must come out,
+//! bit for bit; where they do not, the first cycle and field that differ are named.
+//!
+//! ```text
+//!   log ─► record + inputs of cycle k ─► frames, order, clock reads ─► Cycle::run ─► record ≟ recorded
+//! ```
+//!
+//! It does not matter where the log comes from: memory, a virtual bus or a machine.
+//! Invariant: nothing of the recorded decisions reaches the cycle; only what it was told.
+
+use std::collections::VecDeque;
+use std::io::{Read, Seek};
+
+use serde::Serialize;
+
+use crate::base::axis::PerAxis;
+use crate::base::input::{Input, What};
+use crate::base::record::{CycleRecord, Refusal};
+use crate::base::sample::Freshness;
+use crate::base::time::Moment;
+use crate::config::{self, Machine};
+use crate::log::{LogError, Reader, schema};
+use crate::rt::bus::{Bus, Frame, Received, SendError};
+use crate::rt::cycle::Cycle;
+use crate::rt::cycle::pace::Slot;
+use crate::rt::door::{Order, Orders};
+use crate::rt::wire::{Address, Node, feedback};
+
+/// Why a log cannot be replayed.
+#[derive(Debug, thiserror::Error)]
+pub enum ReplayError {
+    /// It cannot be read.
+    #[error(transparent)]
+    Log(#[from] LogError),
+    /// Its machine file, as it carries it, is not right any more.
+    #[error("the machine file in the log: {0}")]
+    Machine(#[from] Box<config::problem::FileProblems>),
+    /// Its machine cannot be set up.
+    #[error("the machine file in the log: {0}")]
+    Drives(#[from] crate::rt::drive::SettingsError),
+    /// It holds no cycle.
+    #[error("the log holds no cycle")]
+    Empty,
+    /// It begins in the middle of its run, so the state it began with is not known.
+    #[error("the log begins with cycle {first} of its run: what was before is missing, so is the state")]
+    Headless {
+        /// Number of its first cycle.
+        first: u64,
+    },
+}
+
+/// What came of a replay.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Replay {
+    /// Cycles that came out as recorded.
+    pub cycles: u64,
+    /// Time of the machine in them, s.
+    pub machine_s: f64,
+    /// The first thing that differs.
+    pub difference: Option<Difference>,
+    /// Why it ended before the end of the log.
+    pub ended_early: Option<String>,
+}
+
+/// A field that came out differently.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Difference {
+    /// In which cycle.
+    pub cycle: u64,
+    /// Name of the field, as in a CSV export.
+    pub field: String,
+    /// What the log says.
+    pub recorded: String,
+    /// What came out.
+    pub replayed: String,
+}
+
+/// Replays `log` until its end, the first difference, or a gap. `progress` is told the number of cycles
+/// now and then.
+pub fn replay<R: Read + Seek>(
+    log: &mut Reader<R>,
+    mut progress: impl FnMut(u64),
+) -> Result<Replay, ReplayError> {
+    let header = log.header().clone();
+    let machine = config::from_texts("machine.toml", &header.machine_text, &header.sheets)?;
+    let period_s = header.period.as_s();
+    let mut outcome = Replay { cycles: 0, machine_s: 0.0, difference: None, ended_early: None };
+    let Some(first) = log.next().transpose()? else { return Err(ReplayError::Empty) };
+    if first.cycle != first.overruns {
+        return Err(ReplayError::Headless { first: first.cycle });
+    }
+    let inputs = log.inputs_until(&first).to_vec();
+    let mut replayer = Replayer::new(&machine, &inputs)?;
+    let (mut recorded, mut inputs) = (first, inputs);
+    loop {
+        let replayed = replayer.run(&recorded, &inputs);
+        if let Some((field, recorded_text, replayed_text)) =
+            schema::difference(&recorded, &replayed, &header.axes)
+        {
+            outcome.difference = Some(Difference {
+                cycle: recorded.cycle,
+                field,
+                recorded: recorded_text,
+                replayed: replayed_text,
+            });
+            return Ok(outcome);
+        }
+        outcome.cycles += 1;
+        outcome.machine_s = outcome.cycles as f64 * period_s;
+        if outcome.cycles.is_multiple_of(4_096) {
+            progress(outcome.cycles);
+        }
+        let Some(next) = log.next().transpose()? else { return Ok(outcome) };
+        outcome.ended_early = gap(&recorded, &next);
+        if outcome.ended_early.is_some() {
+            return Ok(outcome);
+        }
+        recorded = next;
+        inputs.clear();
+        inputs.extend_from_slice(log.inputs_until(&recorded));
+    }
+}
+
+/// What is missing between two records, if anything is.
+fn gap(before: &CycleRecord, next: &CycleRecord) -> Option<String> {
+    let absent = next.cycle.saturating_sub(before.cycle).saturating_sub(1);
+    let skipped = next.overruns.saturating_sub(before.overruns);
+    let lost = next.lost_records.saturating_sub(before.lost_records);
+    if absent != skipped {
+        Some(format!("{} records are missing after cycle {}", absent.saturating_sub(skipped), before.cycle))
+    } else if lost > 0 {
+        Some(format!("{lost} inputs were lost after cycle {}", before.cycle))
+    } else {
+        None
+    }
+}
+
+/// The cycle of today between a recorded bus and recorded orders.
+#[derive(Debug)]
+pub struct Replayer {
+    cycle: Cycle,
+    bus: RecordedBus,
+}
+
+impl Replayer {
+    /// As the run began whose first cycle had these `inputs`.
+    pub fn new(machine: &Machine, inputs: &[Input]) -> Result<Self, crate::rt::drive::SettingsError> {
+        let heard = inputs.iter().filter_map(|input| match input.what {
+            What::Before(received) => Some(received),
+            What::Order(_) | What::Frame { .. } => None,
+        });
+        let drives = machine.drives()?.resume(heard);
+        let cycle = Cycle::new(machine.cycle_settings(), drives, &machine.control_settings());
+        Ok(Self { cycle, bus: RecordedBus::new(machine.axes.map(|_, axis| axis.node)) })
+    }
+
+    /// The cycle of `recorded`, told what it was told then.
+    pub fn run(&mut self, recorded: &CycleRecord, inputs: &[Input]) -> CycleRecord {
+        self.bus.load(recorded, inputs);
+        let mut orders = RecordedOrder(inputs.iter().find_map(|input| match input.what {
+            What::Order(order) => Some(order),
+            What::Frame { .. } | What::Before(_) => None,
+        }));
+        let slot = Slot { number: recorded.cycle, timing: recorded.timing, overruns: recorded.overruns };
+        let mut reads = [recorded.timing.collected, recorded.timing.decided].into_iter();
+        let mut clock = || reads.next().unwrap_or(recorded.timing.decided);
+        let (record, _inputs) = self.cycle.run(&mut self.bus, &mut orders, &slot, &mut clock);
+        record.lost_records = recorded.lost_records;
+        *record
+    }
+}
+
+/// The order of one cycle.
+struct RecordedOrder(Option<Order>);
+
+impl Orders for RecordedOrder {
+    fn next(&mut self, _last: &CycleRecord) -> Option<Order> {
+        self.0.take()
+    }
+    fn is_done(&self, _last: &CycleRecord) -> bool {
+        false
+    }
+}
+
+/// What a record and its inputs say about the frames of a cycle, in the order in which they came.
+pub fn frames_of<'a>(
+    record: &'a CycleRecord,
+    inputs: &'a [Input],
+    nodes: &'a PerAxis<Node>,
+) -> Vec<(u8, Received)> {
+    let fresh = record.axes.iter().filter(|(_, row)| row.sample.freshness == Freshness::Fresh);
+    let feedback = fresh.map(|(axis, row)| {
+        let frame = feedback::encode(nodes[axis], &row.sample.raw);
+        (row.arrival.place, Received { frame, at: row.arrival.at })
+    });
+    let aside = inputs.iter().filter_map(|input| match input.what {
+        What::Frame { place, received } => Some((place, received)),
+        What::Order(_) | What::Before(_) => None,
+    });
+    let mut frames: Vec<_> = feedback.chain(aside).collect();
+    frames.sort_by_key(|(place, _)| *place);
+    frames
+}
+
+/// A bus on which everything goes as it went then.
+#[derive(Debug)]
+struct RecordedBus {
+    nodes: PerAxis<Node>,
+    frames: VecDeque<Received>,
+    sync: Refusal,
+    commands: Refusal,
+    dropped: u32,
+}
+
+impl RecordedBus {
+    fn new(nodes: PerAxis<Node>) -> Self {
+        Self { nodes, frames: VecDeque::new(), sync: Refusal::None, commands: Refusal::None, dropped: 0 }
+    }
+
+    fn load(&mut self, record: &CycleRecord, inputs: &[Input]) {
+        self.frames.clear();
+        self.frames.extend(frames_of(record, inputs, &self.nodes).into_iter().map(|(_, frame)| frame));
+        (self.sync, self.commands, self.dropped) = (record.bus.sync, record.bus.commands, record.bus.dropped);
+    }
+}
+
+const fn outcome(refusal: Refusal) -> Result<(), SendError> {
+    match refusal {
+        Refusal::None => Ok(()),
+        Refusal::Full => Err(SendError::Full),
+        Refusal::Down => Err(SendError::Down),
+    }
+}
+
+impl Bus for RecordedBus {
+    fn send(&mut self, frame: &Frame) -> Result<(), SendError> {
+        let is_sync = Address::of(frame.id()) == Some(Address::Sync);
+        outcome(if is_sync { self.sync } else { self.commands })
+    }
+    fn receive(&mut self, _until: Moment) -> Option<Received> {
+        self.frames.pop_front()
+    }
+    fn dropped(&self) -> u64 {
+        u64::from(self.dropped)
+    }
+}
