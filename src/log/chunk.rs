@@ -7,6 +7,17 @@ use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOp
 
 use super::frame::{BODY_BYTES_MAX, HEAD_BYTES};
 
+/// Length and name of the compression, as in every chunk of ours.
+pub(super) const SIGNATURE: &[u8] = b"\x04\0\0\0zstd";
+/// Where it stands in a chunk: after head, start, end, length and checksum.
+pub(super) const SIGNATURE_AT: usize = HEAD_BYTES + 28;
+
+/// Whether the bytes of a record are those of a chunk, whatever its type says: a chunk with a damaged type
+/// would be passed over in silence where no checksum covers the section.
+pub(super) fn is_chunk(record: &[u8]) -> bool {
+    record.get(SIGNATURE_AT..).is_some_and(|rest| rest.starts_with(SIGNATURE))
+}
+
 /// Where the checksum stands in a chunk record: after start time, end time and length.
 const CHECKSUM_AT: usize = HEAD_BYTES + 24;
 

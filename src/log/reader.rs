@@ -80,8 +80,12 @@ impl<R: Read + Seek> Reader<R> {
         (self.next, self.inputs_taken) = (0, 0);
         self.contents.clear();
         while let Some(frame) = self.frames.next()? {
+            let offset = frame.offset;
+            if frame.opcode != op::CHUNK && chunk::is_chunk(frame.bytes) {
+                let what = format!("a chunk says that it is a record of type {:#04x}", frame.opcode);
+                return Err(LogError::Damaged { file: self.frames.file().to_owned(), offset, what });
+            }
             if frame.opcode == op::CHUNK {
-                let offset = frame.offset;
                 let opened = self.contents.read(frame);
                 opened.map_err(|problem| problem.at(self.frames.file(), offset))?;
                 if !self.contents.records.is_empty() {

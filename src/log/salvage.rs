@@ -12,15 +12,11 @@ use mcap::records::{Record, op};
 use crate::base::input::Input;
 use crate::base::record::CycleRecord;
 
-use super::chunk;
+use super::chunk::{self, SIGNATURE, SIGNATURE_AT};
 use super::frame::{BODY_BYTES_MAX, HEAD_BYTES, le_u64};
 use super::reader::Message;
 use super::{input, schema};
 
-/// Length and name of the compression, as in every chunk of ours.
-const SIGNATURE: &[u8] = b"\x04\0\0\0zstd";
-/// Where it stands in a chunk: after head, start, end, length and checksum.
-const SIGNATURE_AT: usize = HEAD_BYTES + 28;
 /// A chunk up to its compressed contents, whose length is the last thing before them.
 const CHUNK_HEAD_BYTES: usize = SIGNATURE_AT + SIGNATURE.len() + 8;
 /// How much of the file is searched at a time.

@@ -210,7 +210,8 @@ table!(AxisRecord as AXIS_FIELDS, put_axis, take_axis {
     control_word: u16 ["-"] = command.control_word, "CiA 402 control word (object 6040h)";
     raw_sequence: u8 ["-"] = sample.raw.sequence, "counts feedback frames, wraps at 256";
     raw_board_flags: u8 ["-"] = sample.raw.board_flags, "flags of the board";
-    arrival_place: u8 ["-"] = arrival.place, "how many frames that cycle had received before it";
+    arrival_first_place: u8 ["-"] = arrival.first_place, "how many frames that cycle had received before its first piece";
+    arrival_place: u8 ["-"] = arrival.place, "how many frames that cycle had received before its last piece";
     freshness: u8 ["-"] = sample.freshness, "0 never heard, 1 fresh, 2 stale";
     mode: u8 ["-"] = mode, "0 off, 1 enabling, 2 ready, 3 moving, 4 stopping, 5 faulted";
     fault: u8 ["-"] = fault, "number of the fault, 0 none; see docs/faults";

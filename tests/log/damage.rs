@@ -80,6 +80,19 @@ fn a_flipped_bit_in_a_cut_log_gives_no_wrong_record() {
 }
 
 #[test]
+fn a_chunk_of_a_cut_log_with_another_type_is_not_passed_over() {
+    let bytes = whole_log();
+    let (start, _) = chunks(&bytes)[1];
+    for bit in 0..8 {
+        let mut damaged = bytes[..chunks(&bytes)[3].0].to_vec();
+        damaged[start] ^= 1 << bit;
+        let (records, end, _) = read(&damaged);
+        assert!(end.is_err(), "bit {bit} of the type was not missed");
+        assert_eq!(records.len() as u64, CHUNK_RECORDS, "records before the damage");
+    }
+}
+
+#[test]
 fn a_damaged_chunk_is_named_by_its_byte() {
     let mut bytes = whole_log();
     let (start, length) = chunks(&bytes)[2];
