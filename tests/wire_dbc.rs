@@ -107,6 +107,7 @@ fn told(frame: &Frame) -> Values {
             ]
         }
         Address::Feedback(_) => told_feedback(&feedback::decode(frame).expect(readable)),
+        Address::FeedbackTable(_) => panic!("classic CAN has its own DBC"),
         Address::Command(_) => {
             let raw = command::decode(frame).expect(readable);
             vec![
@@ -211,6 +212,7 @@ fn built(address: Address, values: &Values) -> Frame {
             };
             feedback::encode(node, &raw)
         }
+        Address::FeedbackTable(_) => panic!("classic CAN has its own DBC"),
         Address::Command(node) => {
             let raw = RawCommand {
                 current: CurrentCounts::ua(of("CurrentSetpoint") as i32),

@@ -28,7 +28,7 @@ const BUS_FRAMES: usize = 256;
 #[derive(Debug, Parser)]
 #[command(name = "hil-sim", version, about, max_term_width = 100)]
 struct Arguments {
-    /// Machine file, or an embedded machine: reference, paper
+    /// Machine file, or an embedded machine: reference, paper, classic
     #[arg(long, default_value = "reference", value_name = "FILE|NAME")]
     machine: String,
     /// Seed of everything random: encoder counters at power-on, noise

@@ -104,7 +104,9 @@ pub struct LinkCounts {
 /// When the feedback of a cycle came; not told apart from older ones where the sample is stale.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Arrival {
-    /// How many frames the cycle had received before it.
+    /// How many frames the cycle had received before its first piece; an answer of one piece has one place.
+    pub first_place: u8,
+    /// How many frames the cycle had received before its last piece.
     pub place: u8,
     /// When.
     pub at: Moment,

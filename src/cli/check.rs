@@ -7,7 +7,7 @@ use crate::offline::check::MachineReport;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
-    /// Machine file, or an embedded machine: reference, paper
+    /// Machine file, or an embedded machine: reference, paper, classic
     #[arg(default_value = "reference", value_name = "FILE|NAME")]
     machine: String,
     /// Print one JSON object

@@ -34,6 +34,7 @@ impl Machine {
     pub fn drives(&self) -> Result<Drives<Configuring>, SettingsError> {
         let drives = self.axes.map(|_, axis| DriveSettings {
             node: axis.node,
+            layout: self.bus.layout,
             sheet: axis.sheet,
             serial: None,
             scale: axis.scale,
@@ -46,6 +47,7 @@ impl Machine {
     pub fn rack(&self, seed: u64) -> rack::Rack {
         let axes = self.axes.map(|_, axis| rack::AxisSettings {
             node: axis.node,
+            layout: self.bus.layout,
             sheet: axis.sheet,
             scale: axis.scale,
             feedback_latency: axis.feedback_latency,

@@ -5,7 +5,7 @@
 
 use super::machine::Machine;
 use crate::rt::bus::{Format, Frame};
-use crate::rt::wire;
+use crate::rt::wire::CycleFrames;
 
 /// Load of one cycle.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -60,11 +60,12 @@ impl BusLoad {
                 + bits.data as f64 / f64::from(machine.bus.data_bit_per_s)
         };
         let axes = machine.axes.count();
-        let [sync_s, feedback_s, command_s] = wire::cycle_frames().map(|frame| time_s(&frame));
-        let replies_s = sync_s + feedback_s * axes as f64;
-        let commands_s = command_s * axes as f64;
+        let CycleFrames { sync, feedback, command } = CycleFrames::of(machine.bus.layout);
+        let feedback_s: f64 = feedback.iter().flatten().map(&time_s).sum();
+        let replies_s = time_s(&sync) + feedback_s * axes as f64;
+        let commands_s = time_s(&command) * axes as f64;
         let share = (replies_s + commands_s) / machine.cycle.period.as_s();
-        Self { replies_s, commands_s, share, frames: 1 + 2 * axes }
+        Self { replies_s, commands_s, share, frames: 1 + (1 + feedback.iter().flatten().count()) * axes }
     }
 }
 

@@ -14,8 +14,8 @@ use crate::rt::cycle::bucket::BucketLimit;
 use crate::rt::cycle::mode::Patience;
 use crate::rt::drive::sheet::Sheet;
 use crate::rt::drive::velocity::VelocityEstimate;
-use crate::rt::wire::Node;
 use crate::rt::wire::scaling::AxisScale;
+use crate::rt::wire::{Layout, Node};
 
 /// Names that axes can have, by number.
 pub const AXIS_NAMES: [&str; 3] = ["x", "y", "z"];
@@ -34,7 +34,7 @@ pub struct Machine {
     /// The control cycle.
     pub cycle: Cycle,
     /// The CAN bus.
-    pub bus: BusRates,
+    pub bus: BusSettings,
     /// When silence and misses become faults.
     pub supervision: Supervision,
     /// Speeds of motions that nobody specified further.
@@ -58,7 +58,9 @@ pub struct Cycle {
 
 /// The CAN bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct BusRates {
+pub struct BusSettings {
+    /// How the cyclic frames travel.
+    pub layout: Layout,
     /// Bit rate of arbitration, bit/s.
     pub nominal_bit_per_s: u32,
     /// Bit rate of the data phase, bit/s.

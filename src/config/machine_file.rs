@@ -2,7 +2,7 @@
 //! of each value. Truths between values are in `rules.rs`.
 //! Invariant: every key of the file is asked for here, and nowhere else.
 
-use super::machine::{AXIS_NAMES, Axis, BusRates, Cycle, Machine, Motion, Supervision};
+use super::machine::{AXIS_NAMES, Axis, BusSettings, Cycle, Machine, Motion, Supervision};
 use super::problem::FileProblems;
 use super::reader::{Notes, Section, parse};
 use super::rules;
@@ -16,8 +16,8 @@ use crate::rt::cycle::bucket::BucketLimit;
 use crate::rt::cycle::mode::Patience;
 use crate::rt::drive::sheet::{CommandApplies, Sheet};
 use crate::rt::drive::velocity::VelocityEstimate;
-use crate::rt::wire::Node;
 use crate::rt::wire::scaling::{AxisScale, ScaleSettings, Sense};
+use crate::rt::wire::{Layout, Node};
 
 /// Read a machine with the sheets of a shelf.
 pub(super) fn read(source: &str, text: &str, shelf: Shelf<'_>) -> Result<Machine, FileProblems> {
@@ -61,12 +61,12 @@ fn cycle(section: Section<'_>) -> Cycle {
     cycle
 }
 
-fn bus(section: Section<'_>) -> BusRates {
-    section.choice("format", &[("fd", ())]);
+fn bus(section: Section<'_>) -> BusSettings {
+    let layout = section.choice("format", &[("fd", Layout::Fd), ("classic", Layout::Classic)]);
     let nominal = section.whole("nominal-bit-rate-kbit-per-s", 10..=1_000, "kbit/s");
     let data = section.whole("data-bit-rate-kbit-per-s", 10..=8_000, "kbit/s");
     section.close();
-    BusRates { nominal_bit_per_s: nominal as u32 * 1_000, data_bit_per_s: data as u32 * 1_000 }
+    BusSettings { layout, nominal_bit_per_s: nominal as u32 * 1_000, data_bit_per_s: data as u32 * 1_000 }
 }
 
 fn supervision(section: Section<'_>) -> Supervision {

@@ -23,16 +23,17 @@ use problem::FileProblems;
 use sheet_file::Shelf;
 
 /// Machines that need no file, by name.
-pub const EMBEDDED: [(&str, &str); 2] = [
+pub const EMBEDDED: [(&str, &str); 3] = [
     ("reference", include_str!("../../firmware-config/machines/reference.toml")),
     ("paper", include_str!("../../firmware-config/machines/paper.toml")),
+    ("classic", include_str!("../../firmware-config/machines/classic.toml")),
 ];
 
 /// Why there is no machine.
 #[derive(Debug, thiserror::Error)]
 pub enum LoadError {
     /// The file cannot be read.
-    #[error("machine file {path}: {cause} (or name an embedded machine: reference, paper)")]
+    #[error("machine file {path}: {cause} (or name an embedded machine: reference, paper, classic)")]
     Unreadable {
         /// Which file.
         path: PathBuf,

@@ -15,7 +15,7 @@ use serde::Serialize;
 
 use crate::base::axis::PerAxis;
 use crate::base::input::{Input, What};
-use crate::base::record::{CycleRecord, Refusal};
+use crate::base::record::{Arrival, CycleRecord, Refusal};
 use crate::base::sample::Freshness;
 use crate::base::time::Moment;
 use crate::config::{self, Machine};
@@ -24,7 +24,7 @@ use crate::rt::bus::{Bus, Frame, Received, SendError};
 use crate::rt::cycle::Cycle;
 use crate::rt::cycle::pace::Slot;
 use crate::rt::door::{Order, Orders};
-use crate::rt::wire::{Address, Node, feedback};
+use crate::rt::wire::{Address, Layout, Node};
 
 /// Why a log cannot be replayed.
 #[derive(Debug, thiserror::Error)]
@@ -151,7 +151,7 @@ impl Replayer {
         });
         let drives = machine.drives()?.resume(heard);
         let cycle = Cycle::new(machine.cycle_settings(), drives, &machine.control_settings());
-        Ok(Self { cycle, bus: RecordedBus::new(machine.axes.map(|_, axis| axis.node)) })
+        Ok(Self { cycle, bus: RecordedBus::new(machine.axes.map(|_, axis| axis.node), machine.bus.layout) })
     }
 
     /// The cycle of `recorded`, told what it was told then.
@@ -187,11 +187,16 @@ pub fn frames_of<'a>(
     record: &'a CycleRecord,
     inputs: &'a [Input],
     nodes: &'a PerAxis<Node>,
+    layout: Layout,
 ) -> Vec<(u8, Received)> {
     let fresh = record.axes.iter().filter(|(_, row)| row.sample.freshness == Freshness::Fresh);
-    let feedback = fresh.map(|(axis, row)| {
-        let frame = feedback::encode(nodes[axis], &row.sample.raw);
-        (row.arrival.place, Received { frame, at: row.arrival.at })
+    let feedback = fresh.flat_map(|(axis, row)| {
+        let Arrival { first_place, place, at } = row.arrival;
+        let pieces = layout.feedback(nodes[axis], &row.sample.raw);
+        [first_place, place]
+            .into_iter()
+            .zip(pieces)
+            .map(move |(place, frame)| (place, Received { frame, at }))
     });
     let aside = inputs.iter().filter_map(|input| match input.what {
         What::Frame { place, received } => Some((place, received)),
@@ -206,6 +211,7 @@ pub fn frames_of<'a>(
 #[derive(Debug)]
 struct RecordedBus {
     nodes: PerAxis<Node>,
+    layout: Layout,
     frames: VecDeque<Received>,
     sync: Refusal,
     commands: Refusal,
@@ -213,13 +219,21 @@ struct RecordedBus {
 }
 
 impl RecordedBus {
-    fn new(nodes: PerAxis<Node>) -> Self {
-        Self { nodes, frames: VecDeque::new(), sync: Refusal::None, commands: Refusal::None, dropped: 0 }
+    fn new(nodes: PerAxis<Node>, layout: Layout) -> Self {
+        Self {
+            nodes,
+            layout,
+            frames: VecDeque::new(),
+            sync: Refusal::None,
+            commands: Refusal::None,
+            dropped: 0,
+        }
     }
 
     fn load(&mut self, record: &CycleRecord, inputs: &[Input]) {
         self.frames.clear();
-        self.frames.extend(frames_of(record, inputs, &self.nodes).into_iter().map(|(_, frame)| frame));
+        self.frames
+            .extend(frames_of(record, inputs, &self.nodes, self.layout).into_iter().map(|(_, frame)| frame));
         (self.sync, self.commands, self.dropped) = (record.bus.sync, record.bus.commands, record.bus.dropped);
     }
 }

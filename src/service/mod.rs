@@ -43,7 +43,7 @@ const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), " (", env!("QUADRANT_CO
 #[derive(Debug, Parser)]
 #[command(name = "quadrantd", version = VERSION, about, max_term_width = 100)]
 struct Arguments {
-    /// Machine file, or an embedded machine: reference, paper
+    /// Machine file, or an embedded machine: reference, paper, classic
     #[arg(long, default_value = "reference", value_name = "FILE|NAME")]
     machine: String,
     /// Folder for logs

@@ -26,7 +26,7 @@ use crate::rt::wire::feedback::BoardFlags;
 use crate::rt::wire::parameter::{Abort, Access, Object, ObjectAddress};
 use crate::rt::wire::scaling::{CurrentCounts, EncoderCounts, TravelCounts};
 use crate::rt::wire::state::{Emergency, Heartbeat};
-use crate::rt::wire::{Address, Node, command, feedback, parameter, state};
+use crate::rt::wire::{Address, Layout, Node, parameter, state};
 
 /// What the sensors of an axis show at a SYNC, in counts since the start of the simulation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -46,6 +46,7 @@ const OUTBOX_FRAMES: usize = 16;
 #[derive(Clone, Debug)]
 pub struct Board {
     node: Node,
+    layout: Layout,
     sheet: Sheet,
     serial: u32,
     /// What the encoders show where the simulation starts.
@@ -105,6 +106,7 @@ impl Board {
     /// at the given counts, which is where they wrap from.
     pub fn new(
         node: Node,
+        layout: Layout,
         sheet: Sheet,
         serial: u32,
         motor_start: EncoderCounts,
@@ -113,6 +115,7 @@ impl Board {
     ) -> Self {
         let mut board = Self {
             node,
+            layout,
             sheet,
             serial,
             motor_start,
@@ -183,7 +186,7 @@ impl Board {
         self.advance(now);
         match Address::of(frame.id()) {
             Some(Address::Command(node)) if node == self.node => {
-                if let Ok(raw) = command::decode(frame) {
+                if let Ok(raw) = self.layout.decode_command(frame) {
                     self.take_command(raw, now);
                 }
             }
@@ -219,7 +222,9 @@ impl Board {
             board_flags: self.flags().bits(),
         };
         self.command.is_fresh = false;
-        self.post(feedback::encode(self.node, &raw));
+        for frame in self.layout.feedback(self.node, &raw) {
+            self.post(frame);
+        }
     }
 
     fn take_command(&mut self, raw: RawCommand, now: Moment) {

@@ -19,13 +19,15 @@ use crate::plant::{self, Plant};
 use crate::rt::bus::{Bus, Frame};
 use crate::rt::drive::sheet::Sheet;
 use crate::rt::wire::scaling::{AxisScale, EncoderCounts};
-use crate::rt::wire::{Address, Node, command};
+use crate::rt::wire::{Address, Layout, Node, command};
 
 /// One axis of a rack.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AxisSettings {
     /// Number of its board.
     pub node: Node,
+    /// How its cyclic frames travel.
+    pub layout: Layout,
     /// What its board runs with.
     pub sheet: Sheet,
     /// Counts of its encoders.
@@ -127,7 +129,15 @@ impl RackAxis {
         let serial = random.random();
         Self {
             settings: *settings,
-            board: Board::new(settings.node, settings.sheet, serial, motor, table, Moment::ZERO),
+            board: Board::new(
+                settings.node,
+                settings.layout,
+                settings.sheet,
+                serial,
+                motor,
+                table,
+                Moment::ZERO,
+            ),
             plant: Plant::new(&settings.plant, period),
             motor: Latch::new(settings.feedback_latency, period),
             table: Latch::new(settings.feedback_latency, period),

@@ -14,7 +14,7 @@ use quadrant::rt::drive::velocity::VelocityEstimate;
 use quadrant::rt::drive::{DriveSettings, Drives, Observation, Operational};
 use quadrant::rt::wire::command::{self};
 use quadrant::rt::wire::scaling::{AxisScale, EncoderCounts, ScaleSettings, Sense, TravelCounts};
-use quadrant::rt::wire::{Address, Node};
+use quadrant::rt::wire::{Address, Layout, Node};
 use quadrant::sim::board::{Board, Measured};
 
 pub(crate) const X: AxisId = AxisId::X;
@@ -108,6 +108,7 @@ impl<B: Bus> Bus for Wired<B> {
 pub(crate) fn settings(sheet: Sheet) -> PerAxis<DriveSettings> {
     PerAxis::from_fn(2, |axis| DriveSettings {
         node: node(axis),
+        layout: Layout::Fd,
         sheet,
         serial: Some(100 + axis.index() as u32),
         scale: scale(axis),
@@ -131,7 +132,7 @@ pub(crate) fn wired(sheet: Sheet, capacity: usize, seed: u64) -> Wired<Faulty<me
     // Encoders start just before their wrap.
     let boards = [X, Y].map(|axis| {
         let start = EncoderCounts::counts(if axis == X { u32::MAX - 9_000 } else { 9_000 });
-        Board::new(node(axis), sheet, 100 + axis.index() as u32, start, start, Moment::ZERO)
+        Board::new(node(axis), Layout::Fd, sheet, 100 + axis.index() as u32, start, start, Moment::ZERO)
     });
     let machine = Machine { end, boards, cycle: 0 };
     Wired { bus: Faulty::new(host, seed, Faults::NONE, Faults::NONE), machine }

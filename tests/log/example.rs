@@ -64,7 +64,7 @@ pub(crate) fn record(axes: usize, cycle: u64) -> CycleRecord {
             table_position: Position::m(if axis == AxisId::X { f64::NAN } else { phase }),
             current: Current::a(phase.tan()),
         },
-        arrival: Arrival { place: 1, at: at + Span::us(90) },
+        arrival: Arrival { first_place: 1, place: 1, at: at + Span::us(90) },
         link: LinkCounts { fresh: cycle as u32, ..LinkCounts::default() },
         command: Command {
             current: Current::a(phase.sin() * 3.0),

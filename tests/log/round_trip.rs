@@ -67,10 +67,10 @@ fn any_bus() -> impl Strategy<Value = BusRecord> {
 }
 
 fn any_link() -> impl Strategy<Value = (Arrival, LinkCounts)> {
-    (any::<(u8, i64)>(), any::<[u32; 8]>()).prop_map(|((place, at_ns), counts)| {
+    (any::<(u8, u8, i64)>(), any::<[u32; 8]>()).prop_map(|((first_place, place, at_ns), counts)| {
         let [fresh, missed, late, repeated, malformed, heartbeats, emergencies, resets] = counts;
         let counts = LinkCounts { fresh, missed, late, repeated, malformed, heartbeats, emergencies, resets };
-        (Arrival { place, at: Moment::ns(at_ns) }, counts)
+        (Arrival { first_place, place, at: Moment::ns(at_ns) }, counts)
     })
 }
 

@@ -20,7 +20,7 @@ use crate::rt::cycle::procedure::Ending;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
-    /// Machine file, or an embedded machine: reference, paper
+    /// Machine file, or an embedded machine: reference, paper, classic
     #[arg(long, default_value = "reference", value_name = "FILE|NAME")]
     machine: String,
     /// Gain set of the machine file

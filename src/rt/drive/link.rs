@@ -3,11 +3,14 @@
 //! Wrap-around, scale, velocity and freshness of one axis meet here.
 //! Invariant: an unusable frame changes counters and nothing else.
 
-use super::liveness::{Judgement, Liveness};
+use super::board_clock::{BoardClock, Step};
+use super::halves::{Halves, Piece};
+use super::liveness::{Judgement, Liveness, periods_between};
 use super::state::DriveState;
 use super::velocity::VelocityEstimator;
 use super::{DriveSettings, Events, Observation, Taken};
 use crate::base::command::Command;
+use crate::base::input::Inputs;
 use crate::base::record::Arrival;
 use crate::base::sample::{Freshness, RawFeedback, Sample};
 use crate::base::time::{Moment, Span};
@@ -16,16 +19,19 @@ use crate::rt::wire::command::{CYCLIC_SYNCHRONOUS_TORQUE, RawCommand};
 use crate::rt::wire::feedback::BoardFlags;
 use crate::rt::wire::scaling::{AxisScale, CurrentCounts, EncoderCounts, Odometer};
 use crate::rt::wire::state::Emergency;
-use crate::rt::wire::{Node, command, feedback, state};
+use crate::rt::wire::{Address, Layout, Malformed, Node, classic, feedback, state};
 
 /// The host's end of the link to one board.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Link {
     node: Node,
+    layout: Layout,
+    halves: Halves,
     scale: AxisScale,
     motor: Odometer,
     table: Odometer,
     velocity: VelocityEstimator,
+    clock: BoardClock,
     liveness: Liveness,
     command_sequence: u8,
     pub(super) observation: Observation,
@@ -35,10 +41,13 @@ impl Link {
     pub(super) fn new(settings: &DriveSettings, period: Span) -> Self {
         Self {
             node: settings.node,
+            layout: settings.layout,
+            halves: Halves::default(),
             scale: settings.scale,
             motor: Odometer::default(),
             table: Odometer::default(),
             velocity: VelocityEstimator::new(settings.velocity_estimate, period),
+            clock: BoardClock::new(period),
             liveness: Liveness::default(),
             command_sequence: 0,
             observation: Observation::default(),
@@ -66,8 +75,9 @@ impl Link {
             Events { board_flags: self.observation.events.board_flags, ..Events::default() };
     }
 
-    /// A cycle has received all it will.
-    pub(super) fn end(&mut self, cycle: u64, until: Moment) {
+    /// A cycle has received all it will; pieces without their rest go to the inputs.
+    pub(super) fn end(&mut self, cycle: u64, until: Moment, inputs: &mut Inputs) {
+        self.halves.end(cycle, inputs);
         let sample = &mut self.observation.sample;
         sample.age_cycles = self.liveness.age_cycles(cycle);
         self.liveness.counts.missed += u32::from(sample.freshness != Freshness::Fresh);
@@ -77,15 +87,64 @@ impl Link {
 
     /// Takes a feedback frame; whether it is the answer this cycle waits for.
     pub(super) fn take_feedback(&mut self, received: &Received, place: u8, cycle: u64) -> Taken {
-        let Ok(raw) = feedback::decode(&received.frame) else {
-            self.liveness.counts.malformed += 1;
-            return Taken::Aside;
+        match self.whole(received, place, cycle) {
+            Ok(Whole::Feedback { raw, first_place }) => {
+                self.use_feedback(raw, Arrival { first_place, place, at: received.at }, cycle)
+            }
+            Ok(Whole::Not(taken)) => taken,
+            Err(_unreadable) => {
+                self.liveness.counts.malformed += 1;
+                Taken::Aside
+            }
+        }
+    }
+
+    /// A feedback from its frame, or from this frame and one that was here before.
+    fn whole(&mut self, received: &Received, place: u8, cycle: u64) -> Result<Whole, Malformed> {
+        let frame = &received.frame;
+        let is_first = Address::of(frame.id()) == Some(Address::Feedback(self.node));
+        let piece = match self.layout {
+            Layout::Fd if is_first => {
+                return feedback::decode(frame).map(|raw| Whole::Feedback { raw, first_place: place });
+            }
+            // On FD nobody has a second frame to send.
+            Layout::Fd => {
+                self.liveness.counts.malformed += 1;
+                return Ok(Whole::Not(Taken::Aside));
+            }
+            Layout::Classic if is_first => {
+                self.halves.take_motor(classic::decode_motor(frame)?, received, place, cycle)
+            }
+            Layout::Classic => self.halves.take_table(classic::decode_table(frame)?, received, place, cycle),
         };
+        Ok(match piece {
+            Piece::Whole { motor, table, first_place } => {
+                let periods = self.liveness.last_fresh().map_or(1, |fresh| periods_between(fresh, cycle));
+                let board_time_us = self.clock.completed_us(table.board_time_us, periods);
+                let raw = classic::join(motor, table, cycle as u16, board_time_us);
+                Whole::Feedback { raw, first_place }
+            }
+            Piece::Held => Whole::Not(Taken::Held),
+            Piece::Late => {
+                self.liveness.counts.late += 1;
+                Whole::Not(Taken::Aside)
+            }
+            Piece::Repeated => {
+                self.liveness.counts.repeated += 1;
+                Whole::Not(Taken::Aside)
+            }
+        })
+    }
+
+    fn use_feedback(&mut self, raw: RawFeedback, arrival: Arrival, cycle: u64) -> Taken {
         match self.liveness.judge(&raw, cycle) {
+            // Pieces that were joined stay with the link until the cycle ends.
+            Judgement::Unusable if self.layout == Layout::Classic => Taken::Held,
             Judgement::Unusable => Taken::Aside,
             Judgement::Fresh { periods } => {
+                self.halves.clear();
                 self.observation.sample = self.sample(raw, periods.unwrap_or(1));
-                self.observation.arrival = Arrival { place, at: received.at };
+                self.observation.arrival = arrival;
                 self.observation.drive = DriveState::decode(raw.status_word);
                 self.observation.events.board_flags = BoardFlags::from_bits(raw.board_flags);
                 Taken::Fresh
@@ -97,12 +156,21 @@ impl Link {
         let motor = self.motor.advance(EncoderCounts::counts(raw.motor_counts));
         let table = self.table.advance(EncoderCounts::counts(raw.table_counts));
         let position = self.scale.motor_position(motor);
+        let step = self.clock.latch(raw.board_time_us, periods);
+        if step == Step::Jump {
+            self.liveness.restarted();
+            self.observation.events.is_board_reset = true;
+        }
         Sample {
             raw,
             freshness: Freshness::Fresh,
             age_cycles: 0,
             position,
-            velocity: self.velocity.advance(position, periods),
+            velocity: match step {
+                Step::First | Step::Jump => self.velocity.advance(position, periods),
+                Step::Periods(periods) => self.velocity.advance(position, periods),
+                Step::Time(span) => self.velocity.advance_by(position, span),
+            },
             table_position: self.scale.table_position(table),
             current: self.scale.current(CurrentCounts::ua(raw.current_ua)),
         }
@@ -112,7 +180,11 @@ impl Link {
         match state::decode_heartbeat(&received.frame) {
             Ok(heartbeat) => {
                 let is_reset = self.liveness.heartbeat(heartbeat, received.at);
-                self.observation.events.is_board_reset |= is_reset;
+                if is_reset {
+                    // Its clock begins again, which is no second event.
+                    self.clock.restart();
+                    self.observation.events.is_board_reset = true;
+                }
             }
             Err(_unreadable) => self.liveness.counts.malformed += 1,
         }
@@ -141,6 +213,14 @@ impl Link {
             sequence: self.command_sequence,
             mode_of_operation: CYCLIC_SYNCHRONOUS_TORQUE,
         };
-        command::encode(self.node, &raw)
+        self.layout.command(self.node, &raw)
     }
+}
+
+/// A feedback frame, seen for what it completes.
+enum Whole {
+    /// Everything is there.
+    Feedback { raw: RawFeedback, first_place: u8 },
+    /// Nothing to use.
+    Not(Taken),
 }

@@ -58,6 +58,11 @@ impl Liveness {
         Judgement::Fresh { periods: before.map(|(fresh, _)| periods_between(fresh, cycle)) }
     }
 
+    /// The last cycle with fresh feedback.
+    pub(super) fn last_fresh(&self) -> Option<u64> {
+        self.last.map(|(fresh, _)| fresh)
+    }
+
     /// Cycles since the last fresh feedback, or since the first one that waited for it.
     pub(super) fn age_cycles(&self, cycle: u64) -> u32 {
         let since = self.last.map(|(fresh, _)| fresh).or(self.waits_since);
@@ -78,6 +83,12 @@ impl Liveness {
         is_reset
     }
 
+    /// The board restarted, as its clock shows: what its next heartbeat counts is no second event.
+    pub(super) fn restarted(&mut self) {
+        self.counts.resets += 1;
+        self.beat = None;
+    }
+
     /// Time since the last heartbeat, or since the first cycle.
     pub(super) fn heartbeat_age(&self, now: Moment) -> Span {
         self.heard.map_or(Span::ZERO, |heard| now - heard)
@@ -89,7 +100,8 @@ impl Liveness {
     }
 }
 
-fn periods_between(earlier: u64, later: u64) -> u32 {
+/// Periods of the grid from one cycle to another.
+pub(super) fn periods_between(earlier: u64, later: u64) -> u32 {
     u32::try_from(later.saturating_sub(earlier)).unwrap_or(u32::MAX)
 }
 

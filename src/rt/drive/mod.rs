@@ -13,7 +13,9 @@
 //! Invariant: what stands in a [`Sample`] as fresh was latched by this cycle's SYNC. After
 //! commissioning nothing is allocated, and time comes as an argument.
 
+mod board_clock;
 pub mod commission;
+mod halves;
 mod link;
 pub mod liveness;
 pub mod sheet;
@@ -28,7 +30,7 @@ use super::bus::{Bus, Format, Received, SendError};
 use super::wire::feedback::BoardFlags;
 use super::wire::scaling::AxisScale;
 use super::wire::state::Emergency;
-use super::wire::{Address, Node, command, controller};
+use super::wire::{Address, Layout, Node, command, controller};
 use crate::base::axis::{AXES_MAX, AxisId, PerAxis};
 use crate::base::command::Command;
 use crate::base::frame::{Frame, Id};
@@ -42,6 +44,8 @@ use crate::base::time::{Moment, Span};
 pub struct DriveSettings {
     /// Its board's number on the bus.
     pub node: Node,
+    /// How its cyclic frames travel.
+    pub layout: Layout,
     /// What must be true inside the board.
     pub sheet: Sheet,
     /// Which board of this type it must be; `None`: any.
@@ -168,6 +172,7 @@ impl Drives<Operational> {
             let Some(received) = bus.receive(until) else { break };
             match self.take(&received, place, cycle) {
                 Taken::Fresh => awaited -= 1,
+                Taken::Held => {}
                 Taken::Aside => inputs.push(Input { cycle, what: What::Frame { place, received } }),
             }
         }
@@ -175,7 +180,7 @@ impl Drives<Operational> {
         let Operational { bus: now, is_second_host, .. } = self.phase;
         let is_bus_down = now.state == BusState::BusOff || now.sync == Refusal::Down;
         for (_, link) in self.phase.links.iter_mut() {
-            link.end(cycle, until);
+            link.end(cycle, until, inputs);
             let events = &mut link.observation.events;
             events.is_sync_refused = now.sync != Refusal::None;
             events.is_bus_down = is_bus_down;
@@ -198,7 +203,9 @@ impl Drives<Operational> {
         self.phase.is_second_host |= matches!(address, Some(Address::Sync | Address::Command(_)));
         let link = address.and_then(Address::sender).and_then(|node| self.link_of(node));
         match (address, link) {
-            (Some(Address::Feedback(_)), Some(link)) => return link.take_feedback(received, place, cycle),
+            (Some(Address::Feedback(_) | Address::FeedbackTable(_)), Some(link)) => {
+                return link.take_feedback(received, place, cycle);
+            }
             (Some(Address::Heartbeat(_)), Some(link)) => link.take_heartbeat(received),
             (Some(Address::Emergency(_)), Some(link)) => link.take_emergency(frame),
             // Of no axis, or what only hosts send, or a reply that comes after we stopped asking.
@@ -240,8 +247,10 @@ impl Drives<Operational> {
 /// What became of a frame that a cycle received.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Taken {
-    /// The answer that an axis was waiting for.
+    /// The answer that an axis was waiting for, or the last piece of it.
     Fresh,
+    /// A piece of an answer; the link keeps it until the rest comes or the cycle ends.
+    Held,
     /// Anything else.
     Aside,
 }

@@ -11,8 +11,8 @@
 //! the rms of the velocity per rms of white position noise; one count of quantisation in a
 //! position shows as up to `1/T` and `2/T` counts per second.
 //!
-//! After a gap of `n` periods the same formulas run on uneven spacing (`n T` behind the newest
-//! position), so a steady motion shows no jump.
+//! After a gap of `n` periods, or when a SYNC was late, the same formulas run on uneven spacing, so a
+//! steady motion shows no jump.
 //! Invariant: a steady velocity is estimated exactly, over every gap.
 
 use nalgebra::Complex;
@@ -55,34 +55,67 @@ pub struct VelocityEstimator {
     /// The step before the last position: its velocity, and how long it was. `None` before there
     /// are two positions.
     last_step: Option<(f64, f64)>,
+    /// The last estimate.
+    velocity: Velocity,
+    /// Time since the last position that was used.
+    held_s: f64,
 }
 
 impl VelocityEstimator {
     /// For positions that are one `period` apart.
     pub fn new(estimate: VelocityEstimate, period: Span) -> Self {
         let period_s = period.as_s();
-        Self { estimate, period_s, rate_hz: period_s.recip(), last_m: None, last_step: None }
+        Self {
+            estimate,
+            period_s,
+            rate_hz: period_s.recip(),
+            last_m: None,
+            last_step: None,
+            velocity: Velocity::ZERO,
+            held_s: 0.0,
+        }
     }
     /// Forgets the positions: the next one starts at zero velocity.
     pub const fn reset(&mut self) {
         self.last_m = None;
         self.last_step = None;
+        self.velocity = Velocity::ZERO;
+        self.held_s = 0.0;
     }
 
     /// The velocity at `position`, measured `periods` periods after the position before it.
     pub fn advance(&mut self, position: Position, periods: u32) -> Velocity {
+        // The usual period costs no division.
+        match periods {
+            _ if self.held_s > 0.0 => {
+                let step_s = self.held_s + self.period_s * f64::from(periods);
+                self.step(position, step_s, step_s.recip())
+            }
+            0 | 1 => self.step(position, self.period_s, self.rate_hz),
+            gap => self.step(position, self.period_s * f64::from(gap), self.rate_hz / f64::from(gap)),
+        }
+    }
+
+    /// The velocity at `position`, measured `span` after the position before it. Positions closer than half a
+    /// period say nothing new: their noise would pass for speed.
+    pub fn advance_by(&mut self, position: Position, span: Span) -> Velocity {
+        let step_s = self.held_s + span.as_s();
+        if step_s < 0.5 * self.period_s {
+            self.held_s = step_s;
+            return self.velocity;
+        }
+        self.step(position, step_s, step_s.recip())
+    }
+
+    fn step(&mut self, position: Position, step_s: f64, step_rate_hz: f64) -> Velocity {
         let position_m = position.as_m();
+        self.held_s = 0.0;
         let Some(last_m) = self.last_m.replace(position_m) else {
             return Velocity::ZERO;
         };
-        // The usual period costs no division.
-        let (step_s, step_rate_hz) = match periods {
-            0 | 1 => (self.period_s, self.rate_hz),
-            gap => (self.period_s * f64::from(gap), self.rate_hz / f64::from(gap)),
-        };
         let step_m_per_s = (position_m - last_m) * step_rate_hz;
         let earlier = self.last_step.replace((step_m_per_s, step_s));
-        Velocity::m_per_s(match (self.estimate, earlier) {
+        self.velocity = Velocity::m_per_s(match (self.estimate, earlier) {
             (VelocityEstimate::Difference, _) | (VelocityEstimate::SecondOrder, None) => step_m_per_s,
             (VelocityEstimate::SecondOrder, Some((earlier_m_per_s, earlier_s))) => {
                 // Slope at the newest point of the parabola through three; with even steps this is
@@ -90,7 +123,8 @@ impl VelocityEstimator {
                 let weight = if step_s == earlier_s { 0.5 } else { step_s / (step_s + earlier_s) };
                 step_m_per_s + weight * (step_m_per_s - earlier_m_per_s)
             }
-        })
+        });
+        self.velocity
     }
 }
 
@@ -128,6 +162,23 @@ mod tests {
                 let error = error_m_per_s(estimate, gaps, |t| 0.2 * t, |_| 0.2);
                 assert!(error.abs() < 1e-12, "{estimate:?} over {gaps:?}: {error} m/s off, bound 1e-12 m/s");
             }
+        }
+    }
+
+    #[test]
+    fn a_steady_motion_is_exact_at_uneven_times_and_close_ones_are_skipped() {
+        for estimate in BOTH {
+            let (mut estimator, mut t_us) = (estimator(estimate), 0);
+            estimator.advance(Position::ZERO, 1);
+            for (number, span_us) in [530, 470, 20, 980, 100, 200, 300, 500, 999].into_iter().enumerate() {
+                t_us += span_us;
+                let position = Position::m(0.2e-6 * t_us as f64);
+                let got = estimator.advance_by(position, Span::us(span_us)).as_m_per_s();
+                assert!((got - 0.2).abs() < 1e-12, "{estimate:?}, step {number}: {got} m/s, is 0.2 m/s");
+            }
+            estimator.advance_by(Position::m(0.2e-6 * (t_us + 100) as f64), Span::us(100));
+            let got = estimator.advance(Position::m(0.2e-6 * (t_us + 600) as f64), 1).as_m_per_s();
+            assert!((got - 0.2).abs() < 1e-12, "{estimate:?}, back on the grid: {got} m/s, is 0.2 m/s");
         }
     }
 

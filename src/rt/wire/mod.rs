@@ -7,24 +7,30 @@
 //! |---|---|---|---|
 //! | `080h` | host | SYNC: the boards latch | [`command`] |
 //! | `080h + n` | board | emergency | [`state`] |
-//! | `180h + n` | board | feedback (FD) | [`feedback`] |
-//! | `200h + n` | host | command (FD) | [`command`] |
+//! | `180h + n` | board | feedback | [`feedback`], on classic CAN [`classic`] |
+//! | `200h + n` | host | command | [`command`], on classic CAN [`classic`] |
+//! | `280h + n` | board | second frame of the feedback on classic CAN | [`classic`] |
 //! | `580h + n` | board | parameter reply | [`parameter`] |
 //! | `600h + n` | host | parameter request | [`parameter`] |
 //! | `700h + n` | board | heartbeat, boot-up | [`state`] |
 //!
 //! All numbers are little endian; reserved bytes are sent as zero and ignored when read. The same
-//! layout stands in `firmware-config/encoder-board.dbc`; `tests/wire_dbc.rs` holds the two together.
+//! layout stands in `firmware-config/encoder-board.dbc` (and `encoder-board-classic.dbc`);
+//! `tests/wire_dbc.rs` holds them together.
 //! There is no network management: a board that has booted is operational, and the state machine
 //! of CiA 402 keeps its drive safe.
 //! Invariant: a decoder is total. Whatever bytes come, it gives a value or [`Malformed`].
 
+pub mod classic;
 pub mod command;
 pub mod controller;
 pub mod feedback;
+mod layout;
 pub mod parameter;
 pub mod scaling;
 pub mod state;
+
+pub use layout::Layout;
 
 use super::bus::{Frame, Id};
 use crate::base::sample::RawFeedback;
@@ -62,6 +68,8 @@ pub enum Address {
     Emergency(Node),
     /// A board's answer to SYNC.
     Feedback(Node),
+    /// The second frame of it, on classic CAN.
+    FeedbackTable(Node),
     /// From the host to one board.
     Command(Node),
     /// A board's answer to a parameter request.
@@ -80,6 +88,7 @@ impl Address {
             Self::Emergency(node) => (0x080, node.0),
             Self::Feedback(node) => (0x180, node.0),
             Self::Command(node) => (0x200, node.0),
+            Self::FeedbackTable(node) => (0x280, node.0),
             Self::ParameterReply(node) => (0x580, node.0),
             Self::ParameterRequest(node) => (0x600, node.0),
             Self::Heartbeat(node) => (0x700, node.0),
@@ -91,6 +100,7 @@ impl Address {
         match self {
             Self::Emergency(node)
             | Self::Feedback(node)
+            | Self::FeedbackTable(node)
             | Self::ParameterReply(node)
             | Self::Heartbeat(node) => Some(node),
             Self::Sync | Self::Command(_) | Self::ParameterRequest(_) => None,
@@ -106,6 +116,7 @@ impl Address {
             0x080 => Some(Self::Emergency(node)),
             0x180 => Some(Self::Feedback(node)),
             0x200 => Some(Self::Command(node)),
+            0x280 => Some(Self::FeedbackTable(node)),
             0x580 => Some(Self::ParameterReply(node)),
             0x600 => Some(Self::ParameterRequest(node)),
             0x700 => Some(Self::Heartbeat(node)),
@@ -114,14 +125,28 @@ impl Address {
     }
 }
 
-/// A frame of each kind that a cycle sends, for the load they put on the bus: SYNC once, feedback and
-/// command for each axis.
-pub fn cycle_frames() -> [Frame; 3] {
-    [
-        command::encode_sync(0),
-        feedback::encode(Node::MAX, &RawFeedback::default()),
-        command::encode(Node::MAX, &command::RawCommand::default()),
-    ]
+/// The frames of one cycle and axis, for the load they put on the bus.
+#[derive(Clone, Copy, Debug)]
+pub struct CycleFrames {
+    /// Once for all axes.
+    pub sync: Frame,
+    /// For each axis.
+    pub feedback: [Option<Frame>; 2],
+    /// For each axis.
+    pub command: Frame,
+}
+
+impl CycleFrames {
+    /// Of a layout.
+    pub fn of(layout: Layout) -> Self {
+        let raw = RawFeedback::default();
+        let mut feedback = layout.feedback(Node::MAX, &raw);
+        Self {
+            sync: command::encode_sync(0),
+            feedback: [feedback.next(), feedback.next()],
+            command: layout.command(Node::MAX, &command::RawCommand::default()),
+        }
+    }
 }
 
 /// Why a frame with one of our identifiers means nothing to us.
@@ -170,7 +195,7 @@ mod tests {
             .map(Id::from_low_bits)
             .filter_map(|id| Address::of(id).map(|address| assert_eq!(address.id(), id)))
             .count();
-        assert_eq!(ours, 1 + 6 * 127);
+        assert_eq!(ours, 1 + 7 * 127);
         assert_eq!(Address::of(Id::from_low_bits(0x000)), None);
         assert_eq!(Address::of(Id::from_low_bits(0x182)).map(|a| a.id().raw()), Some(0x182));
     }
