@@ -225,6 +225,7 @@ fn mechanics(section: Section<'_>) -> Mechanics {
         inertia_kg_m2: section.number("motor-inertia-kg-m2", 1e-6..=10.0, "kg m^2"),
         lead_m: section.number("lead-mm", 0.1..=200.0, "mm") * 1e-3,
         efficiency: section.number("efficiency", 0.1..=1.0, ""),
+        backlash_m: section.number("backlash-um", 0.0..=1_000.0, "um") * 1e-6,
     };
     section.close();
     mechanics

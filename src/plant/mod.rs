@@ -14,6 +14,7 @@
 //! the protrusion of a circle within a few nanometres (`cargo bench --bench plant`).
 //! Invariant: pure functions of parameters, state, input and time step; no clock, no randomness.
 
+mod effects;
 pub mod encoder;
 pub mod friction;
 mod maps;
@@ -24,6 +25,7 @@ pub use params::{Actuator, Mechanics, Parameters};
 
 use crate::base::time::Span;
 use crate::base::units::{Current, Position, Velocity};
+use effects::backlash::{Gap, Ladder};
 use friction::Law;
 use maps::{Motion, StepMaps};
 
@@ -57,14 +59,18 @@ struct Part {
     whole: StepMaps,
     fine: StepMaps,
     fine_steps: u32,
+    /// Instead of the others, for an axis with play.
+    with_gap: Option<Ladder>,
 }
 
 impl Part {
-    fn new(axis: &Parameters, length_s: f64, fine_steps: u32) -> Self {
+    fn new(axis: &Parameters, gap: Gap, length_s: f64, fine_steps: u32) -> Self {
+        let fine_s = length_s / f64::from(fine_steps);
         Self {
             whole: StepMaps::new(axis, length_s),
-            fine: StepMaps::new(axis, length_s / f64::from(fine_steps)),
+            fine: StepMaps::new(axis, fine_s),
             fine_steps,
+            with_gap: (!gap.is_none()).then(|| Ladder::new(axis, fine_s)),
         }
     }
 }
@@ -78,6 +84,7 @@ struct Body {
     motion: Motion,
     /// -1 or +1 while the table slides, 0 while it sticks.
     slide: f64,
+    gap: Gap,
 }
 
 /// One axis in motion.
@@ -108,19 +115,21 @@ impl Plant {
         let dead_ticks = (axis.actuator.dead_time / tick) as usize;
         assert!(dead_ticks < DEAD_TICKS_MAX, "dead time of more than {DEAD_TICKS_MAX} ticks");
         let late_by_s = (axis.actuator.dead_time - tick * dead_ticks as i64).as_s();
+        let gap = Gap::new(axis.mechanics.backlash_m);
         Self {
             force_per_current: axis.actuator.torque_constant_nm_per_a * axis.mechanics.force_per_torque(),
             peak_a: axis.actuator.peak_current.as_a(),
             pending_n: [0.0; DEAD_TICKS_MAX + 1],
             dead_ticks,
-            early: (late_by_s > 0.0).then(|| Part::new(axis, late_by_s, fine_steps)),
-            late: Part::new(axis, tick.as_s() - late_by_s, fine_steps),
+            early: (late_by_s > 0.0).then(|| Part::new(axis, gap, late_by_s, fine_steps)),
+            late: Part::new(axis, gap, tick.as_s() - late_by_s, fine_steps),
             body: Body {
                 law: Law::new(axis.friction),
                 stiffness_n_per_m: axis.mechanics.stiffness_n_per_m,
                 damping_n_s_per_m: axis.mechanics.damping_n_s_per_m,
                 motion: [0.0; 5],
                 slide: 0.0,
+                gap,
             },
         }
     }
@@ -157,7 +166,10 @@ impl Plant {
 
 impl Body {
     fn advance(&mut self, part: &Part, command_n: f64) {
-        if self.slide != 0.0 && self.table_speed() > CREEP.as_m_per_s() {
+        if let Some(ladder) = &part.with_gap {
+            return self.advance_with_gap(part, ladder, command_n);
+        }
+        if self.is_running() {
             let end = self.slid(&part.whole.slip, command_n);
             if end[2] * self.slide > 0.0 {
                 self.motion = end;
@@ -170,18 +182,35 @@ impl Body {
         }
     }
 
+    /// Whether the table slides fast enough for a step of the whole tick.
+    fn is_running(&self) -> bool {
+        self.slide != 0.0 && self.table_speed() > CREEP.as_m_per_s()
+    }
+
     fn fine_step(&mut self, maps: &StepMaps, command_n: f64) {
+        if self.moved(maps, command_n) {
+            self.break_away(self.pull_n());
+        }
+    }
+
+    /// Move on by one step; whether the table stands at its end.
+    #[inline(always)]
+    fn moved(&mut self, maps: &StepMaps, command_n: f64) -> bool {
         if self.slide == 0.0 {
             self.motion = maps.stick.apply(&self.motion, command_n, 0.0);
         } else {
             self.motion = self.slid(&maps.slip, command_n);
             if self.motion[2] * self.slide > 0.0 {
-                return;
+                return false;
             }
             self.slide = 0.0;
             self.motion[2] = 0.0;
         }
-        let pull_n = self.pull_n();
+        true
+    }
+
+    /// A standing table tears loose when the screw pulls harder than friction can hold.
+    fn break_away(&mut self, pull_n: f64) {
         if pull_n.abs() > self.law.breakaway().as_n() {
             self.slide = pull_n.signum();
         }

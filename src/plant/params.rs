@@ -26,6 +26,8 @@ pub struct Mechanics {
     pub lead_m: f64,
     /// Efficiency of the screw, `η`.
     pub efficiency: f64,
+    /// Play between screw and table, m.
+    pub backlash_m: f64,
 }
 
 impl Mechanics {

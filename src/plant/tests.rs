@@ -18,6 +18,7 @@ pub(crate) fn paper_axis() -> Parameters {
             inertia_kg_m2: 0.0064,
             lead_m: 0.01,
             efficiency: 0.9,
+            backlash_m: 0.0,
         },
         friction: friction::Parameters {
             variant: Variant::Nonlinear,

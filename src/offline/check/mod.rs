@@ -76,7 +76,7 @@ pub struct AxisReport {
     pub resonance_hz: f64,
     /// Of the screw under sliding friction, `F_low / K`.
     pub wind_up_um: f64,
-    /// Of the table against the motor at a reversal, `2 F_low / K`.
+    /// Of the table against the motor at a reversal, `2 F_low / K` and the backlash.
     pub lost_motion_um: f64,
     /// Current that tears a standing table loose.
     pub breakaway_current_a: f64,
@@ -165,7 +165,7 @@ impl AxisReport {
             dead_time_us: Loops::new(machine, id, 0).dead_time_s() * 1e6,
             resonance_hz: mechanics.resonance_hz(),
             wind_up_um,
-            lost_motion_um: 2.0 * wind_up_um,
+            lost_motion_um: 2.0 * wind_up_um + mechanics.backlash_m * 1e6,
             breakaway_current_a: axis.plant.actuator.current(breakaway).as_a(),
             motor_speed_rpm: turns_per_s * 60.0,
             velocity_step_mm_per_s: step_m * 1e3 / machine.cycle.period.as_s(),

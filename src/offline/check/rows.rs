@@ -48,7 +48,7 @@ impl AxisReport {
             row("dead time of the velocity loop", self.dead_time_us, 0, "us"),
             row("resonance of motor and table", self.resonance_hz, 1, "Hz"),
             row("wind-up of the screw, F_low / K", self.wind_up_um, 2, "um"),
-            row("lost motion at reversal, 2 F_low / K", self.lost_motion_um, 2, "um"),
+            row("lost motion at reversal, 2 F_low / K + backlash", self.lost_motion_um, 2, "um"),
             row("current at break-away", self.breakaway_current_a, 2, "A"),
             row("motor speed at the velocity limit", self.motor_speed_rpm, 0, "1/min"),
             row("velocity step of one count", self.velocity_step_mm_per_s, 4, "mm/s"),
