@@ -14,6 +14,7 @@ use crate::rt::cycle::bucket::BucketLimit;
 use crate::rt::cycle::mode::Patience;
 use crate::rt::drive::sheet::Sheet;
 use crate::rt::drive::velocity::VelocityEstimate;
+use crate::rt::thread;
 use crate::rt::wire::scaling::AxisScale;
 use crate::rt::wire::{Layout, Node};
 
@@ -33,6 +34,8 @@ pub struct Machine {
     pub sheets: BTreeMap<String, String>,
     /// The control cycle.
     pub cycle: Cycle,
+    /// How its thread is scheduled.
+    pub real_time: thread::Settings,
     /// The CAN bus.
     pub bus: BusSettings,
     /// When silence and misses become faults.

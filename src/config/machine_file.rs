@@ -16,6 +16,7 @@ use crate::rt::cycle::bucket::BucketLimit;
 use crate::rt::cycle::mode::Patience;
 use crate::rt::drive::sheet::{CommandApplies, Sheet};
 use crate::rt::drive::velocity::VelocityEstimate;
+use crate::rt::thread;
 use crate::rt::wire::scaling::{AxisScale, ScaleSettings, Sense};
 use crate::rt::wire::{Layout, Node};
 
@@ -26,6 +27,7 @@ pub(super) fn read(source: &str, text: &str, shelf: Shelf<'_>) -> Result<Machine
     let root = Section::root(&table, &notes);
     let name = root.text("name");
     let cycle = cycle(root.section("cycle"));
+    let real_time = real_time(root.section("real-time"));
     let bus = bus(root.section("bus"));
     let supervision = supervision(root.section("supervision"));
     let motion = motion(root.section("motion"));
@@ -39,6 +41,7 @@ pub(super) fn read(source: &str, text: &str, shelf: Shelf<'_>) -> Result<Machine
         text: text.to_owned(),
         sheets: shelf.taken(),
         cycle,
+        real_time,
         bus,
         supervision,
         motion,
@@ -59,6 +62,17 @@ fn cycle(section: Section<'_>) -> Cycle {
     };
     section.close();
     cycle
+}
+
+fn real_time(section: Section<'_>) -> thread::Settings {
+    let settings = thread::Settings {
+        // Not 99: the kernel's own threads that nothing may delay are there.
+        priority: section.whole("priority", 1..=98, "") as u8,
+        // No processor means any: which ones exist is known on the machine, not in its file.
+        cpu: section.optional_whole("cpu", 0..=1023, "").map(|cpu| cpu as u16),
+    };
+    section.close();
+    settings
 }
 
 fn bus(section: Section<'_>) -> BusSettings {

@@ -145,7 +145,7 @@ impl<'t> Section<'t> {
         keys.into_iter().map(|key| key.get_ref().to_string()).collect()
     }
 
-    /// Let a key pass that was noted otherwise.
+    /// Let a key pass that was noted otherwise, or know one that is not there.
     pub(super) fn skip(&self, key: &str) {
         self.ask(key);
     }
@@ -229,6 +229,15 @@ impl<'t> Section<'t> {
                 *range.start()
             }
         }
+    }
+
+    /// A whole number within bounds that may be absent.
+    pub(super) fn optional_whole(&self, key: &str, range: RangeInclusive<i64>, unit: &str) -> Option<i64> {
+        if self.value(key).is_some() {
+            return Some(self.whole(key, range, unit));
+        }
+        self.skip(key);
+        None
     }
 
     /// A text.

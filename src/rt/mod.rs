@@ -15,3 +15,4 @@ pub mod drive; //   frame to sample, command to frame
 pub mod control; // sample to command: loops, feed-forward, limits, profile
 pub mod door; //    orders in, records out
 pub mod cycle; //   the conductor: one period, the modes, the pace
+pub mod thread; //  the set-up before: scheduling, locked memory, a processor that stays awake

@@ -1,16 +1,20 @@
 //! The daemon around the cycle: start-up in order, a real-time thread, its log, and an orderly end.
 //!
 //! ```text
-//!   machine file ─► commission ─► log ─► cycle thread ─┬─ watch: cycles advance, losses, overruns
-//!                                                      └─ SIGTERM, SIGINT: come to rest, current off
+//!   machine file ─► readiness ─► commission ─► log ─► cycle ─┬─ watch: cycles advance, losses, overruns
+//!                   (or the end)                             └─ SIGTERM, SIGINT: come to rest, current off
 //! ```
 //!
 //! It runs against the simulated machine, on the wall clock. It gives no motion of its own: axes are
 //! without current, or hold their position with `--hold`.
 //! Invariant: the cycle thread ends only with every axis at rest; a signal asks it to.
 
+mod cycle_thread;
+mod preparation;
+pub mod readiness;
 mod watch;
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -19,6 +23,7 @@ use std::time::SystemTime;
 
 use anyhow::Context;
 use clap::Parser;
+use nix::errno::Errno;
 use tokio::signal::unix::{Signal, SignalKind, signal};
 use tracing::{error, info};
 
@@ -30,7 +35,11 @@ use crate::rt::cycle::pace::{Wall, monotonic_now};
 use crate::rt::cycle::standby::Standby;
 use crate::rt::cycle::{Cycle, conduct};
 use crate::rt::door::record_ring;
+use crate::rt::thread::PageFaults;
 use crate::sim::closed_loop::Wired;
+
+use preparation::Prepared;
+use readiness::Check;
 
 /// Records on their way to the disk: four seconds of a cycle at 2 kHz.
 const RING_RECORDS: usize = 8_192;
@@ -42,6 +51,8 @@ const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), " (", env!("QUADRANT_CO
 /// The control cycle as a service, against the simulated machine.
 #[derive(Debug, Parser)]
 #[command(name = "quadrantd", version = VERSION, about, max_term_width = 100)]
+#[command(after_help = "Exit codes: 0 ended at rest, and all is in the log; 1 an axis faulted, or records \
+were lost; 2 not started. With --check: 0 fit for real time; 1 something is missing; 2 could not tell.")]
 struct Arguments {
     /// Machine file, or an embedded machine: reference, paper, classic
     #[arg(long, default_value = "reference", value_name = "FILE|NAME")]
@@ -55,6 +66,15 @@ struct Arguments {
     /// Seed of the simulated machine
     #[arg(long, default_value_t = 1, value_name = "N")]
     seed: u64,
+    /// Drive a real machine from a computer that is not fit for real time: at a desk only
+    #[arg(long)]
+    allow_jitter: bool,
+    /// Say whether this computer is fit for real time, and end
+    #[arg(long)]
+    check: bool,
+    /// With --check: print one JSON object
+    #[arg(long, requires = "check")]
+    json: bool,
 }
 
 /// Entry point of `quadrantd`.
@@ -63,7 +83,8 @@ pub fn main() -> ExitCode {
     let filter = tracing_subscriber::EnvFilter::try_from_default_env()
         .unwrap_or_else(|_unset| tracing_subscriber::EnvFilter::new("info"));
     tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).init();
-    match serve(&arguments) {
+    let outcome = if arguments.check { check(&arguments) } else { serve(&arguments) };
+    match outcome {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::from(1),
         Err(cause) => {
@@ -71,6 +92,23 @@ pub fn main() -> ExitCode {
             ExitCode::from(2)
         }
     }
+}
+
+/// The CAN interface; none as long as the machine is simulated in this process.
+const INTERFACE: Option<&str> = None;
+
+/// Whether this computer is fit for real time.
+fn check(arguments: &Arguments) -> anyhow::Result<bool> {
+    let machine = config::load(&arguments.machine)?;
+    let checks = Prepared::<()>::new(&machine, INTERFACE)?.checks;
+    let is_fit = !checks.iter().any(Check::is_missing);
+    let text = if arguments.json {
+        serde_json::json!({ "machine": machine.name, "is_fit": is_fit, "checks": checks }).to_string()
+    } else {
+        checks.iter().map(Check::to_string).collect::<Vec<_>>().join("\n")
+    };
+    writeln!(std::io::stdout(), "{text}").context("cannot print")?;
+    Ok(is_fit)
 }
 
 /// What the threads share with the watch.
@@ -81,9 +119,17 @@ struct Shared {
     overruns: Arc<AtomicU64>,
 }
 
+/// What the thread of the cycle leaves.
+struct End {
+    last: CycleRecord,
+    page_faults: Result<PageFaults, Errno>,
+}
+
 /// Run until a signal; whether everything is in the log and no axis faulted.
 fn serve(arguments: &Arguments) -> anyhow::Result<bool> {
     let machine = config::load(&arguments.machine)?;
+    let prepared = Prepared::new(&machine, INTERFACE)?;
+    prepared.judge(arguments.allow_jitter)?;
     let mut bus = Wired::new(machine.rack(arguments.seed));
     let drives = bus.commission(machine.drives()?)?;
     let mut cycle = Cycle::new(machine.cycle_settings(), drives, &machine.control_settings());
@@ -106,10 +152,14 @@ fn serve(arguments: &Arguments) -> anyhow::Result<bool> {
 
     let mut orders = Standby::new(arguments.hold, Arc::clone(&shared.stop_wish));
     let period = machine.cycle.period;
-    let conductor = std::thread::Builder::new().name("cycle".to_owned()).spawn(move || {
+    let conductor = prepared.thread.give(move || {
         let mut records = records;
-        conduct(&mut cycle, &mut bus, &mut Wall::starting_at(origin, period), &mut orders, &mut records)
-    })?;
+        let before = PageFaults::of_this_thread();
+        let mut pace = Wall::starting_at(origin, period);
+        let last = conduct(&mut cycle, &mut bus, &mut pace, &mut orders, &mut records);
+        let since = |before| PageFaults::of_this_thread().map(|after| after.since(before));
+        End { last, page_faults: before.and_then(since) }
+    });
     runtime.block_on(async {
         tokio::select! {
             name = signals.next() => info!("{name}: coming to rest"),
@@ -117,8 +167,9 @@ fn serve(arguments: &Arguments) -> anyhow::Result<bool> {
         }
     });
     shared.stop_wish.store(true, Ordering::Relaxed);
-    let last = conductor.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
-    Ok(report(&last, &writer.join(), shared.lost.load(Ordering::Relaxed)))
+    let end = conductor.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+    let end = end.context("the thread of the cycle ended without having run it")?;
+    Ok(report(&end, &writer.join(), shared.lost.load(Ordering::Relaxed)))
 }
 
 fn log_header(machine: &Machine, arguments: &Arguments) -> anyhow::Result<(PathBuf, Header)> {
@@ -166,9 +217,9 @@ impl Signals {
     }
 }
 
-fn report(last: &CycleRecord, log: &WriteOutcome, lost: u64) -> bool {
+fn report(end: &End, log: &WriteOutcome, lost: u64) -> bool {
     let mut is_well = lost == 0 && log.is_complete;
-    for (axis, row) in last.axes.iter() {
+    for (axis, row) in end.last.axes.iter() {
         if let Some(fault) = row.fault {
             error!(%axis, "{fault}; see {}", fault.page());
             is_well = false;
@@ -177,6 +228,9 @@ fn report(last: &CycleRecord, log: &WriteOutcome, lost: u64) -> bool {
     if let Some(cause) = &log.first_error {
         error!("log: {cause}");
         is_well = false;
+    }
+    if let Ok(PageFaults { minor, major }) = end.page_faults {
+        info!(minor, major, "page faults of the cycle");
     }
     info!(records = log.written, lost, log = %log.path.display(), "stopped");
     is_well

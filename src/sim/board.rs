@@ -222,9 +222,8 @@ impl Board {
             board_flags: self.flags().bits(),
         };
         self.command.is_fresh = false;
-        for frame in self.layout.feedback(self.node, &raw) {
-            self.post(frame);
-        }
+        let frames = self.layout.feedback(self.node, &raw);
+        frames.for_each(|frame| self.post(frame));
     }
 
     fn take_command(&mut self, raw: RawCommand, now: Moment) {

@@ -10,6 +10,7 @@ use std::path::Path;
 
 use quadrant::config::problem::FileProblems;
 use quadrant::config::{self, LoadError};
+use quadrant::rt::thread;
 
 const REFERENCE: &str = include_str!("../../firmware-config/machines/reference.toml");
 const BAD_MACHINES: &str = include_str!("bad_machines.txt");
@@ -90,6 +91,14 @@ fn a_fast_axis_is_fine_as_long_as_its_encoder_cannot_wrap_unseen() {
 }
 
 #[test]
+fn the_processor_of_the_cycle_may_be_named() {
+    let read = |text: &str| config::from_texts("fine.toml", text, &Default::default()).expect("a sound file");
+    assert_eq!(read(REFERENCE).real_time, thread::Settings { priority: 80, cpu: None });
+    let text = changed(REFERENCE, "# cpu = 3", "cpu = 3");
+    assert_eq!(read(&text).real_time, thread::Settings { priority: 80, cpu: Some(3) });
+}
+
+#[test]
 fn gain_sets_are_one_to_eight() {
     let (before, rest) = REFERENCE.split_once("[axis.x.gains.standard]").expect("the file has gains");
     let (_, after) = rest.split_once("[axis.x.limits]").expect("the file has limits");
@@ -163,29 +172,29 @@ fn a_problem_is_shown_at_its_place() {
     ");
     insta::assert_snapshot!(shown("lead-mm = 10.0", "lead-m = 0.01"), @r"
     error: axis.x.mechanics.lead-mm: missing, wanted is a number from 0.1 to 200 mm
-      --> mill.toml:60:9
+      --> mill.toml:64:9
        |
-    60 | [axis.x.mechanics]
+    64 | [axis.x.mechanics]
        |         ^^^^^^^^^ `lead-mm` belongs in here
 
     error: axis.x.mechanics.lead-m: unknown key
-      --> mill.toml:65:1
+      --> mill.toml:69:1
        |
-    65 | lead-m = 0.01
+    69 | lead-m = 0.01
        | ^^^^^^ is `lead-mm` meant?
     ");
     insta::assert_snapshot!(shown("current-a = 20.0", "current-a = 25.1"), @r"
     error: axis.x.limits.current-a: 25.1 A is above the drive's peak current
-       --> mill.toml:104:13
+       --> mill.toml:108:13
         |
-    104 | current-a = 25.1
+    108 | current-a = 25.1
         |             ^^^^ allowed is 0.01 to 25 A
     ");
     insta::assert_snapshot!(shown("[bus]", "[bus"), @r"
     error: TOML: unclosed table, expected `]`
-      --> mill.toml:17:5
+      --> mill.toml:21:5
        |
-    17 | [bus
+    21 | [bus
        |     ^ not understood here
     ");
 }

@@ -261,6 +261,11 @@ mod tests {
     use super::*;
 
     #[test]
+    fn the_states_of_classic_can_are_these() {
+        assert_eq!(crate::rt::wire::classic::STATUS_WORDS, DriveState::ALL.map(DriveState::status_word));
+    }
+
+    #[test]
     fn each_state_is_told_by_its_word_and_no_two_by_one() {
         for state in DriveState::ALL {
             assert_eq!(DriveState::decode(state.status_word()), Some(state));
