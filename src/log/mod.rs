@@ -33,6 +33,7 @@ mod salvage;
 pub mod schema;
 mod stream;
 pub mod summary;
+pub mod timing;
 pub mod writer;
 
 pub use error::LogError;

@@ -1,0 +1,217 @@
+//! `quadrant latency`: where the time of the periods went. Of a log, or measured here and now: the whole
+//! cycle on the wall clock against the simulated machine in this process, its thread prepared for real time
+//! as the daemon's is.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use anyhow::Context;
+use clap::Args;
+use indicatif::{ProgressBar, ProgressStyle};
+use serde::Serialize;
+
+use super::{Outcome, machine, print_json, print_text, view};
+use crate::base::input::Inputs;
+use crate::base::record::CycleRecord;
+use crate::base::time::Span;
+use crate::config::Machine;
+use crate::log::Reader;
+use crate::log::timing::{Percentiles, Timings};
+use crate::offline::draw::latency::{Share, bars, sheet};
+use crate::rt::cycle::pace::{Wall, monotonic_now};
+use crate::rt::cycle::standby::Standby;
+use crate::rt::cycle::{Cycle, conduct};
+use crate::rt::door::Records;
+use crate::rt::thread::{Policy, Process, Settings, Thread};
+use crate::sim::closed_loop::Wired;
+
+/// From here to the first slot.
+const LEAD: Span = Span::ms(20);
+/// Characters of a bar with its numbers.
+const WIDTH: usize = 78;
+
+#[derive(Debug, Args)]
+pub(super) struct Arguments {
+    /// The log; without one the cycle runs here and now, against the simulated machine
+    log: Option<PathBuf>,
+    /// Machine file, or an embedded machine: reference, paper, classic
+    #[arg(long, default_value = "reference", value_name = "FILE|NAME", conflicts_with = "log")]
+    machine: String,
+    /// How long to measure
+    #[arg(long, default_value_t = 10.0, value_name = "S", conflicts_with = "log")]
+    seconds: f64,
+    /// Priority under SCHED_FIFO instead of the machine file's
+    #[arg(long, value_name = "1..98", value_parser = clap::value_parser!(u8).range(1..=98), conflicts_with = "log")]
+    priority: Option<u8>,
+    /// Processor of the cycle instead of the machine file's
+    #[arg(long, value_name = "N", conflicts_with = "log")]
+    cpu: Option<u16>,
+    /// Draw the histograms into this file
+    #[arg(long, value_name = "FILE.svg")]
+    svg: Option<PathBuf>,
+    /// Print one JSON object
+    #[arg(long)]
+    json: bool,
+}
+
+/// What is printed for programs.
+#[derive(Debug, Serialize)]
+struct Printed {
+    source: String,
+    period_us: f64,
+    cycles: u64,
+    overruns: u64,
+    scheduling: Option<String>,
+    shares: Vec<PrintedShare>,
+}
+
+#[derive(Debug, Serialize)]
+struct PrintedShare {
+    name: &'static str,
+    #[serde(flatten)]
+    percentiles: Percentiles,
+}
+
+/// A run's timing, wherever it came from.
+struct Seen {
+    source: String,
+    period: Span,
+    timings: Timings,
+    overruns: u64,
+    /// How the thread was scheduled; a log does not tell.
+    scheduling: Option<String>,
+}
+
+pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
+    let seen = match &arguments.log {
+        Some(log) => of_log(log)?,
+        None => measured(arguments)?,
+    };
+    let shares: Vec<Share> = seen
+        .timings
+        .named()
+        .into_iter()
+        .map(|(name, times)| {
+            let counts = times.iter_recorded().map(|step| (step.value_iterated_to(), step.count_at_value()));
+            Share::new(name, counts)
+        })
+        .collect();
+    if let Some(path) = &arguments.svg {
+        let title = format!("{}, period {} us", seen.source, seen.period.as_us());
+        std::fs::write(path, sheet(&title, &shares))
+            .with_context(|| format!("cannot write {}", path.display()))?;
+    }
+    let percentiles =
+        seen.timings.named().map(|(name, times)| PrintedShare { name, percentiles: Percentiles::of(times) });
+    if arguments.json {
+        print_json(&Printed {
+            source: seen.source,
+            period_us: seen.period.as_us(),
+            cycles: seen.timings.wake.len(),
+            overruns: seen.overruns,
+            scheduling: seen.scheduling,
+            shares: percentiles.into(),
+        })?;
+        return Ok(Outcome::Done);
+    }
+    let rows: Vec<_> = percentiles.iter().map(|share| (share.name, share.percentiles)).collect();
+    let drawn: String = shares.iter().map(|share| bars(share, WIDTH) + "\n").collect();
+    let scheduling = seen.scheduling.map_or(String::new(), |scheduling| format!(", {scheduling}"));
+    print_text(&format!(
+        "{}: {} cycles of {} us, {} periods skipped{scheduling}\n\n{}\n\n{drawn}",
+        seen.source,
+        seen.timings.wake.len(),
+        seen.period.as_us(),
+        seen.overruns,
+        view::latency_table(&rows),
+    ))?;
+    Ok(Outcome::Done)
+}
+
+fn of_log(path: &Path) -> anyhow::Result<Seen> {
+    let mut log = Reader::open(path)?;
+    let (period, mut timings, mut overruns) = (log.header().period, Timings::default(), 0);
+    for record in &mut log {
+        let record = record?;
+        timings.add(&record);
+        overruns = record.overruns;
+    }
+    Ok(Seen { source: path.display().to_string(), period, timings, overruns, scheduling: None })
+}
+
+/// Counts records in the thread of the cycle: what they cost is in the total.
+#[derive(Default)]
+struct Counted {
+    timings: Timings,
+    overruns: u64,
+}
+
+impl Records for Counted {
+    fn put(&mut self, record: &CycleRecord, _inputs: &Inputs) {
+        self.timings.add(record);
+        self.overruns = record.overruns;
+    }
+    fn lost(&self) -> u64 {
+        0
+    }
+}
+
+fn measured(arguments: &Arguments) -> anyhow::Result<Seen> {
+    let machine = machine(&arguments.machine)?;
+    let settings = Settings {
+        priority: arguments.priority.unwrap_or(machine.real_time.priority),
+        cpu: arguments.cpu.or(machine.real_time.cpu),
+    };
+    let _process = Process::prepare();
+    let stop_wish = Arc::new(AtomicBool::new(false));
+    let stopping = Arc::clone(&stop_wish);
+    let period = machine.cycle.period;
+    let source = format!("machine {} in this process", machine.name);
+    let cycle = std::thread::Builder::new().name("cycle".to_owned());
+    let cycle = cycle.spawn(move || cycles(&machine, settings, stopping))?;
+    watch(arguments.seconds, &stop_wish, || cycle.is_finished());
+    stop_wish.store(true, Ordering::Relaxed);
+    let (counted, scheduling) = cycle.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))?;
+    let Counted { timings, overruns } = counted;
+    Ok(Seen { source, period, timings, overruns, scheduling: Some(scheduling) })
+}
+
+/// Hold position until told to stop; what was counted, and how the thread was scheduled.
+fn cycles(
+    machine: &Machine,
+    settings: Settings,
+    stop_wish: Arc<AtomicBool>,
+) -> anyhow::Result<(Counted, String)> {
+    let mut bus = Wired::new(machine.rack(1));
+    let drives = bus.commission(machine.drives()?)?;
+    let mut cycle = Cycle::new(machine.cycle_settings(), drives, &machine.control_settings());
+    let mut orders = Standby::new(true, stop_wish);
+    let mut counted = Counted::default();
+    let thread = Thread::prepare(&settings);
+    let mut pace = Wall::starting_at(monotonic_now() + LEAD, machine.cycle.period);
+    conduct(&mut cycle, &mut bus, &mut pace, &mut orders, &mut counted);
+    let scheduling = match thread.scheduling {
+        Ok(scheduling) if scheduling.policy == Policy::Fifo => {
+            format!("SCHED_FIFO {}", scheduling.priority)
+        }
+        Ok(_) | Err(_) => "not real time (see `quadrantd --check`)".to_owned(),
+    };
+    Ok((counted, scheduling))
+}
+
+/// Wait, and show how long still.
+fn watch(seconds: f64, stop_wish: &AtomicBool, is_over: impl Fn() -> bool) {
+    let bar = ProgressBar::new((seconds * 10.0) as u64);
+    if let Ok(style) = ProgressStyle::with_template("{msg} {wide_bar} left {eta}") {
+        bar.set_style(style);
+    }
+    bar.set_message("measuring");
+    let until = Instant::now() + Duration::from_secs_f64(seconds.max(0.0));
+    while Instant::now() < until && !stop_wish.load(Ordering::Relaxed) && !is_over() {
+        std::thread::sleep(Duration::from_millis(100));
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+}
