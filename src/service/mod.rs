@@ -25,12 +25,12 @@ use anyhow::Context;
 use clap::Parser;
 use nix::errno::Errno;
 use tokio::signal::unix::{Signal, SignalKind, signal};
-use tracing::{error, info};
+use tracing::{error, info, warn};
 
 use crate::base::record::CycleRecord;
 use crate::base::time::Span;
 use crate::config::{self, Machine};
-use crate::log::{Header, Pace, WriteOutcome, Writer, header};
+use crate::log::{self, Header, Pace, WriteOutcome, Writer, header};
 use crate::rt::cycle::pace::{Wall, monotonic_now};
 use crate::rt::cycle::standby::Standby;
 use crate::rt::cycle::{Cycle, conduct};
@@ -82,7 +82,15 @@ pub fn main() -> ExitCode {
     let arguments = Arguments::parse();
     let filter = tracing_subscriber::EnvFilter::try_from_default_env()
         .unwrap_or_else(|_unset| tracing_subscriber::EnvFilter::new("info"));
-    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).init();
+    // Nobody may be left to read: a line that cannot be written must not end the daemon.
+    tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_writer(std::io::stderr)
+        .log_internal_errors(false)
+        .init();
+    if let Err(errno) = log::size_limit::is_an_error() {
+        warn!("a log that reaches the size limit of files would end the daemon: {errno}");
+    }
     let outcome = if arguments.check { check(&arguments) } else { serve(&arguments) };
     match outcome {
         Ok(true) => ExitCode::SUCCESS,
