@@ -1,8 +1,10 @@
 //! Promise: the daemon says what this computer lacks for real time and how to mend it, and runs on the
 //! simulated machine all the same, as a user without any privilege too. A full log and a talk that nobody
-//! hears end no cycle.
+//! hears end no cycle, and who supervises it hears the truth.
 #![cfg(feature = "service")]
 #![expect(clippy::unwrap_used, reason = "a test stops at the first surprise")]
+
+mod systemd;
 
 use std::fs::{self, Permissions};
 use std::os::unix::fs::{MetadataExt, PermissionsExt};
