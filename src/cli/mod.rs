@@ -18,6 +18,7 @@ use anyhow::Context;
 use clap::{Parser, Subcommand};
 
 use crate::config::{self, LoadError, Machine};
+use crate::log::size_limit;
 
 /// Version and commit, as in logs and reports.
 pub const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), " (", env!("QUADRANT_COMMIT"), ")");
@@ -60,6 +61,9 @@ enum Outcome {
 /// Entry point of `quadrant`.
 pub fn main() -> ExitCode {
     let arguments = Arguments::parse();
+    if let Err(errno) = size_limit::is_an_error() {
+        eprintln!("a log that reaches the size limit of files would end the tool: {errno}");
+    }
     let outcome = match arguments.verb {
         Verb::Circle(arguments) => circle::run(&arguments),
         Verb::Check(arguments) => check::run(&arguments),

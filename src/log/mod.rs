@@ -31,6 +31,7 @@ pub mod reader;
 pub mod recover;
 mod salvage;
 pub mod schema;
+pub mod size_limit;
 mod stream;
 pub mod summary;
 pub mod timing;

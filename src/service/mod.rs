@@ -10,6 +10,7 @@
 //! Invariant: the cycle thread ends only with every axis at rest; a signal asks it to.
 
 mod cycle_thread;
+mod notify;
 mod preparation;
 pub mod readiness;
 mod watch;
@@ -25,12 +26,12 @@ use anyhow::Context;
 use clap::Parser;
 use nix::errno::Errno;
 use tokio::signal::unix::{Signal, SignalKind, signal};
-use tracing::{error, info};
+use tracing::{error, info, warn};
 
 use crate::base::record::CycleRecord;
 use crate::base::time::Span;
 use crate::config::{self, Machine};
-use crate::log::{Header, Pace, WriteOutcome, Writer, header};
+use crate::log::{self, Header, Pace, WriteOutcome, Writer, header};
 use crate::rt::cycle::pace::{Wall, monotonic_now};
 use crate::rt::cycle::standby::Standby;
 use crate::rt::cycle::{Cycle, conduct};
@@ -38,6 +39,7 @@ use crate::rt::door::record_ring;
 use crate::rt::thread::PageFaults;
 use crate::sim::closed_loop::Wired;
 
+use notify::Supervisor;
 use preparation::Prepared;
 use readiness::Check;
 
@@ -82,7 +84,15 @@ pub fn main() -> ExitCode {
     let arguments = Arguments::parse();
     let filter = tracing_subscriber::EnvFilter::try_from_default_env()
         .unwrap_or_else(|_unset| tracing_subscriber::EnvFilter::new("info"));
-    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).init();
+    // Nobody may be left to read: a line that cannot be written must not end the daemon.
+    tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_writer(std::io::stderr)
+        .log_internal_errors(false)
+        .init();
+    if let Err(errno) = log::size_limit::is_an_error() {
+        warn!("a log that reaches the size limit of files would end the daemon: {errno}");
+    }
     let outcome = if arguments.check { check(&arguments) } else { serve(&arguments) };
     match outcome {
         Ok(true) => ExitCode::SUCCESS,
@@ -117,6 +127,7 @@ struct Shared {
     cycles: Arc<AtomicU64>,
     lost: Arc<AtomicU64>,
     overruns: Arc<AtomicU64>,
+    wake_error_ns_max: Arc<AtomicU64>,
 }
 
 /// What the thread of the cycle leaves.
@@ -141,6 +152,7 @@ fn serve(arguments: &Arguments) -> anyhow::Result<bool> {
         cycles: Arc::clone(&drain.cycles),
         lost: Arc::clone(&drain.lost),
         overruns: Arc::clone(&drain.overruns),
+        wake_error_ns_max: Arc::clone(&drain.wake_error_ns_max),
     };
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     // Before anything runs: from here on a signal is a wish to stop, not the end.
@@ -160,13 +172,15 @@ fn serve(arguments: &Arguments) -> anyhow::Result<bool> {
         let since = |before| PageFaults::of_this_thread().map(|after| after.since(before));
         End { last, page_faults: before.and_then(since) }
     });
+    let supervisor = Supervisor::from_environment();
     runtime.block_on(async {
         tokio::select! {
             name = signals.next() => info!("{name}: coming to rest"),
-            () = watch::run(&shared, period, || conductor.is_finished()) => {}
+            () = watch::run(&shared, period, &supervisor, || conductor.is_finished()) => {}
         }
     });
     shared.stop_wish.store(true, Ordering::Relaxed);
+    supervisor.stopping();
     let end = conductor.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
     let end = end.context("the thread of the cycle ended without having run it")?;
     Ok(report(&end, &writer.join(), shared.lost.load(Ordering::Relaxed)))
