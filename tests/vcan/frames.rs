@@ -59,7 +59,13 @@ fn a_classic_bus_hears_no_fd_frame() {
     let mut other = interface.bus(&[0x181]);
     other.send_all(&[Frame::fd(Id::from_low_bits(0x181), [1; 8]), numbered(0x181, 2)]).unwrap();
     assert_eq!(drain(&mut classic).iter().map(|r| r.frame).collect::<Vec<_>>(), [numbered(0x181, 2)]);
-    assert_eq!(classic.send(&Frame::fd(Id::from_low_bits(0x181), [1; 8])), Err(SendError::Down));
+    let fd = Frame::fd(Id::from_low_bits(0x181), [1; 8]);
+    assert_eq!(classic.send(&fd), Err(SendError::Down));
+    // What the kernel refuses in the middle of a batch does not keep the rest from being sent.
+    let batch = [numbered(0x181, 1), fd, fd, numbered(0x181, 2), numbered(0x181, 3)];
+    assert_eq!(classic.send_all(&batch), Err(SendError::Down));
+    let came: Vec<Frame> = drain(&mut other).iter().map(|r| r.frame).collect();
+    assert_eq!(came, [1, 2, 3].map(|number| numbered(0x181, number)));
 }
 
 #[test]
