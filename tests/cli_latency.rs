@@ -1,6 +1,6 @@
 //! Promise: `quadrant latency` shows where the time of the periods went, of any log and of this machine,
 //! for people, for programs and as a picture.
-#![cfg(feature = "cli")]
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 use assert_cmd::Command;
 use serde_json::Value;

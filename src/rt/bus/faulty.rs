@@ -113,6 +113,11 @@ impl<B: Bus> Bus for Faulty<B> {
             self.incoming.admit(received.frame, until);
         }
     }
+
+    /// By the inner bus; what is lost here on purpose is in [`Faulty::counts`].
+    fn dropped(&self) -> u64 {
+        self.inner.dropped()
+    }
 }
 
 /// Most frames one direction holds back.

@@ -7,6 +7,7 @@
 
 pub mod faulty;
 pub mod memory;
+pub mod socketcan;
 
 pub use crate::base::frame::{Format, Frame, Id, PAYLOAD_BYTES_MAX, Received};
 use crate::base::time::Moment;
