@@ -18,8 +18,8 @@ use crate::base::record::CycleRecord;
 use crate::base::time::Span;
 use crate::config::Machine;
 use crate::log::Reader;
-use crate::log::timing::{Percentiles, Timings};
-use crate::offline::draw::latency::{Share, bars, sheet};
+use crate::log::timing::{Share, Timings};
+use crate::offline::draw::latency::{bars, sheet};
 use crate::rt::cycle::pace::{Wall, monotonic_now};
 use crate::rt::cycle::standby::Standby;
 use crate::rt::cycle::{Cycle, conduct};
@@ -64,14 +64,7 @@ struct Printed {
     cycles: u64,
     overruns: u64,
     scheduling: Option<String>,
-    shares: Vec<PrintedShare>,
-}
-
-#[derive(Debug, Serialize)]
-struct PrintedShare {
-    name: &'static str,
-    #[serde(flatten)]
-    percentiles: Percentiles,
+    shares: Vec<Share>,
 }
 
 /// A run's timing, wherever it came from.
@@ -89,22 +82,12 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         Some(log) => of_log(log)?,
         None => measured(arguments)?,
     };
-    let shares: Vec<Share> = seen
-        .timings
-        .named()
-        .into_iter()
-        .map(|(name, times)| {
-            let counts = times.iter_recorded().map(|step| (step.value_iterated_to(), step.count_at_value()));
-            Share::new(name, counts)
-        })
-        .collect();
+    let shares = seen.timings.shares();
     if let Some(path) = &arguments.svg {
         let title = format!("{}, period {} us", seen.source, seen.period.as_us());
         std::fs::write(path, sheet(&title, &shares))
             .with_context(|| format!("cannot write {}", path.display()))?;
     }
-    let percentiles =
-        seen.timings.named().map(|(name, times)| PrintedShare { name, percentiles: Percentiles::of(times) });
     if arguments.json {
         print_json(&Printed {
             source: seen.source,
@@ -112,11 +95,10 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
             cycles: seen.timings.wake.len(),
             overruns: seen.overruns,
             scheduling: seen.scheduling,
-            shares: percentiles.into(),
+            shares,
         })?;
         return Ok(Outcome::Done);
     }
-    let rows: Vec<_> = percentiles.iter().map(|share| (share.name, share.percentiles)).collect();
     let drawn: String = shares.iter().map(|share| bars(share, WIDTH) + "\n").collect();
     let scheduling = seen.scheduling.map_or(String::new(), |scheduling| format!(", {scheduling}"));
     print_text(&format!(
@@ -125,7 +107,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         seen.timings.wake.len(),
         seen.period.as_us(),
         seen.overruns,
-        view::latency_table(&rows),
+        view::latency_table(&shares),
     ))?;
     Ok(Outcome::Done)
 }

@@ -12,7 +12,7 @@
 //! Invariant: one record, one count; memory does not grow.
 
 use hdrhistogram::Histogram;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::base::record::CycleRecord;
 use crate::base::time::{Moment, Span};
@@ -21,6 +21,19 @@ use crate::base::time::{Moment, Span};
 const LONGEST_NS: u64 = 10_000_000_000;
 /// Digits kept of each value.
 const DIGITS: u8 = 3;
+/// Bins of a picture per factor of ten in time.
+const BINS_PER_DECADE: i32 = 10;
+/// Shortest time of a picture, as a power of ten in seconds: 100 ns; all below is in the first bin.
+const FIRST_DECADE: i32 = -7;
+/// Longest time of a picture: 1 s; all above is in the last bin.
+const LAST_DECADE: i32 = 0;
+/// Bins of a picture: the same for every share and run, so that pictures can be laid side by side.
+pub const BINS: usize = ((LAST_DECADE - FIRST_DECADE) * BINS_PER_DECADE) as usize;
+
+/// Where a bin starts, in microseconds.
+pub fn bin_start_us(bin: usize) -> f64 {
+    10_f64.powf(f64::from(FIRST_DECADE) + bin as f64 / f64::from(BINS_PER_DECADE)) * 1e6
+}
 
 /// Histograms of one run, each in nanoseconds.
 #[derive(Clone, Debug)]
@@ -46,8 +59,40 @@ impl Default for Timings {
     }
 }
 
+/// One share of the period, told and ready to be drawn.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Share {
+    /// Its name.
+    pub name: String,
+    /// What is told of it.
+    #[serde(flatten)]
+    pub percentiles: Percentiles,
+    /// Cycles in each bin, from the shortest time: see [`bin_start_us`].
+    pub bins: Vec<u64>,
+}
+
+impl Share {
+    /// Of a histogram in nanoseconds.
+    pub fn of(name: &str, histogram: &Histogram<u64>) -> Self {
+        let mut bins = vec![0; BINS];
+        for step in histogram.iter_recorded() {
+            let decades = (step.value_iterated_to().max(1) as f64 * 1e-9).log10() - f64::from(FIRST_DECADE);
+            let bin = (decades * f64::from(BINS_PER_DECADE)).max(0.0) as usize;
+            bins[bin.min(BINS - 1)] += step.count_at_value();
+        }
+        Self { name: name.to_owned(), percentiles: Percentiles::of(histogram), bins }
+    }
+
+    /// The bins from the first to the last that has cycles.
+    pub fn used(&self) -> Option<std::ops::RangeInclusive<usize>> {
+        let first = self.bins.iter().position(|count| *count > 0)?;
+        let last = self.bins.iter().rposition(|count| *count > 0)?;
+        Some(first..=last)
+    }
+}
+
 /// What is told of a histogram, in microseconds.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Percentiles {
     /// Values.
     pub count: u64,
@@ -77,14 +122,15 @@ impl Timings {
         self.last = Some((record.cycle, timing.woke));
     }
 
-    /// The histograms with their names, in order of the period.
-    pub fn named(&self) -> [(&'static str, &Histogram<u64>); 4] {
-        [
+    /// All shares, in order of the period.
+    pub fn shares(&self) -> Vec<Share> {
+        let named = [
             ("wake-up error", &self.wake),
             ("collect", &self.collect),
             ("control", &self.control),
             ("total", &self.total),
-        ]
+        ];
+        named.into_iter().map(|(name, histogram)| Share::of(name, histogram)).collect()
     }
 }
 
@@ -141,11 +187,27 @@ mod tests {
         timings.add(&record(1, 10, [120, 4], 140));
         timings.add(&record(2, 10, [900, 5], 160));
         timings.add(&record(4, 10, [100, 3], 0));
-        let told = timings.named().map(|(name, histogram)| (name, histogram.len(), histogram.max() / 1_000));
+        let shares = timings.shares();
+        let told = shares
+            .iter()
+            .map(|share| (share.name.as_str(), share.percentiles.count, share.percentiles.max_us.round()));
         assert_eq!(
-            told,
-            [("wake-up error", 4, 10), ("collect", 4, 900), ("control", 4, 5), ("total", 2, 150)]
+            told.collect::<Vec<_>>(),
+            [("wake-up error", 4, 10.0), ("collect", 4, 900.0), ("control", 4, 5.0), ("total", 2, 150.0)]
         );
+    }
+
+    #[test]
+    fn every_cycle_is_in_one_bin_and_the_ends_take_the_rest() {
+        let mut histogram = Timings::default().wake;
+        for (ns, count) in [(0, 1), (99, 2), (101, 4), (1_001, 8), (u64::MAX, 16)] {
+            (0..count).for_each(|_| histogram.saturating_record(ns));
+        }
+        let share = Share::of("total", &histogram);
+        assert_eq!(share.bins.iter().sum::<u64>(), 31);
+        assert_eq!((share.bins[0], share.bins[10], share.bins.last()), (7, 8, Some(&16)));
+        assert_eq!(share.used(), Some(0..=BINS - 1));
+        assert!((bin_start_us(10) - 1.0).abs() < 1e-9, "the tenth bin starts at a microsecond");
     }
 
     #[test]
