@@ -1,5 +1,5 @@
-//! `quadrant latency`: where the time of the periods went. Of a log, or measured here and now: the whole
-//! cycle on the wall clock against the simulated machine in this process, its thread prepared for real time
+//! `quadrant latency`: where the time of the periods went. Of a log, of the daemon that runs, or measured here
+//! and now: the whole cycle on the wall clock against the simulated machine in this process, its thread prepared for real time
 //! as the daemon's is.
 
 use std::path::{Path, PathBuf};
@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use anyhow::Context;
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::{Outcome, machine, print_json, print_text, view};
 use crate::base::input::Inputs;
@@ -27,6 +27,8 @@ use crate::rt::door::Records;
 use crate::rt::thread::{Policy, Process, Settings, Thread};
 use crate::sim::closed_loop::Wired;
 
+/// Where the installed daemon keeps its status.
+const STATUS_FILE: &str = "/run/quadrant/status.json";
 /// From here to the first slot.
 const LEAD: Span = Span::ms(20);
 /// Characters of a bar with its numbers.
@@ -36,17 +38,20 @@ const WIDTH: usize = 78;
 pub(super) struct Arguments {
     /// The log; without one the cycle runs here and now, against the simulated machine
     log: Option<PathBuf>,
+    /// Of the daemon that runs, from its status file
+    #[arg(long, value_name = "FILE", num_args = 0..=1, default_missing_value = STATUS_FILE, conflicts_with = "log")]
+    live: Option<PathBuf>,
     /// Machine file, or an embedded machine: reference, paper, classic
-    #[arg(long, default_value = "reference", value_name = "FILE|NAME", conflicts_with = "log")]
+    #[arg(long, default_value = "reference", value_name = "FILE|NAME", conflicts_with_all = ["log", "live"])]
     machine: String,
     /// How long to measure
-    #[arg(long, default_value_t = 10.0, value_name = "S", conflicts_with = "log")]
+    #[arg(long, default_value_t = 10.0, value_name = "S", conflicts_with_all = ["log", "live"])]
     seconds: f64,
     /// Priority under SCHED_FIFO instead of the machine file's
-    #[arg(long, value_name = "1..98", value_parser = clap::value_parser!(u8).range(1..=98), conflicts_with = "log")]
+    #[arg(long, value_name = "1..98", value_parser = clap::value_parser!(u8).range(1..=98), conflicts_with_all = ["log", "live"])]
     priority: Option<u8>,
     /// Processor of the cycle instead of the machine file's
-    #[arg(long, value_name = "N", conflicts_with = "log")]
+    #[arg(long, value_name = "N", conflicts_with_all = ["log", "live"])]
     cpu: Option<u16>,
     /// Draw the histograms into this file
     #[arg(long, value_name = "FILE.svg")]
@@ -71,31 +76,42 @@ struct Printed {
 struct Seen {
     source: String,
     period: Span,
-    timings: Timings,
+    shares: Vec<Share>,
     overruns: u64,
-    /// How the thread was scheduled; a log does not tell.
+    /// How the thread was scheduled; logs and status files do not tell.
     scheduling: Option<String>,
 }
 
+/// What is read of a status file.
+#[derive(Debug, Deserialize)]
+struct Status {
+    machine: String,
+    period_us: f64,
+    overruns: u64,
+    shares: Vec<Share>,
+}
+
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
-    let seen = match &arguments.log {
-        Some(log) => of_log(log)?,
-        None => measured(arguments)?,
+    let seen = match (&arguments.log, &arguments.live) {
+        (Some(log), _) => of_log(log)?,
+        (None, Some(status)) => of_daemon(status)?,
+        (None, None) => measured(arguments)?,
     };
-    let shares = seen.timings.shares();
+    let shares = &seen.shares;
+    let cycles = shares.first().map_or(0, |share| share.percentiles.count);
     if let Some(path) = &arguments.svg {
         let title = format!("{}, period {} us", seen.source, seen.period.as_us());
-        std::fs::write(path, sheet(&title, &shares))
+        std::fs::write(path, sheet(&title, shares))
             .with_context(|| format!("cannot write {}", path.display()))?;
     }
     if arguments.json {
         print_json(&Printed {
             source: seen.source,
             period_us: seen.period.as_us(),
-            cycles: seen.timings.wake.len(),
+            cycles,
             overruns: seen.overruns,
             scheduling: seen.scheduling,
-            shares,
+            shares: seen.shares,
         })?;
         return Ok(Outcome::Done);
     }
@@ -104,10 +120,10 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     print_text(&format!(
         "{}: {} cycles of {} us, {} periods skipped{scheduling}\n\n{}\n\n{drawn}",
         seen.source,
-        seen.timings.wake.len(),
+        cycles,
         seen.period.as_us(),
         seen.overruns,
-        view::latency_table(&shares),
+        view::latency_table(shares),
     ))?;
     Ok(Outcome::Done)
 }
@@ -120,7 +136,28 @@ fn of_log(path: &Path) -> anyhow::Result<Seen> {
         timings.add(&record);
         overruns = record.overruns;
     }
-    Ok(Seen { source: path.display().to_string(), period, timings, overruns, scheduling: None })
+    Ok(Seen {
+        source: path.display().to_string(),
+        period,
+        shares: timings.shares(),
+        overruns,
+        scheduling: None,
+    })
+}
+
+fn of_daemon(path: &Path) -> anyhow::Result<Seen> {
+    let text = std::fs::read(path).with_context(|| {
+        format!("no daemon keeps its status in {} (see `quadrantd --status`)", path.display())
+    })?;
+    let status: Status =
+        serde_json::from_slice(&text).with_context(|| format!("{} is no status file", path.display()))?;
+    Ok(Seen {
+        source: format!("machine {}, since its daemon started", status.machine),
+        period: Span::s(status.period_us * 1e-6),
+        shares: status.shares,
+        overruns: status.overruns,
+        scheduling: None,
+    })
 }
 
 /// Counts records in the thread of the cycle: what they cost is in the total.
@@ -157,7 +194,7 @@ fn measured(arguments: &Arguments) -> anyhow::Result<Seen> {
     stop_wish.store(true, Ordering::Relaxed);
     let (counted, scheduling) = cycle.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))?;
     let Counted { timings, overruns } = counted;
-    Ok(Seen { source, period, timings, overruns, scheduling: Some(scheduling) })
+    Ok(Seen { source, period, shares: timings.shares(), overruns, scheduling: Some(scheduling) })
 }
 
 /// Hold position until told to stop; what was counted, and how the thread was scheduled.

@@ -5,9 +5,11 @@
 
 use super::Machine;
 use crate::base::axis::PerAxis;
+use crate::rt::bus::Id;
 use crate::rt::control;
 use crate::rt::cycle;
 use crate::rt::drive::{Configuring, DriveSettings, Drives, SettingsError};
+use crate::rt::wire::{Address, Layout};
 use crate::sim::rack;
 
 impl Machine {
@@ -41,6 +43,29 @@ impl Machine {
             velocity_estimate: axis.velocity_estimate,
         });
         Drives::new(self.cycle.period, drives)
+    }
+
+    /// Identifiers of all frames of its protocol: those of the boards, and those of a host, so that a
+    /// second one is seen.
+    pub fn identifiers(&self) -> Vec<Id> {
+        let of_node = |node| {
+            [
+                Address::Emergency(node),
+                Address::Feedback(node),
+                Address::FeedbackTable(node),
+                Address::Command(node),
+                Address::ParameterReply(node),
+                Address::ParameterRequest(node),
+                Address::Heartbeat(node),
+            ]
+        };
+        let boards = self.axes.as_slice().iter().flat_map(|axis| of_node(axis.node));
+        std::iter::once(Address::Sync).chain(boards).map(Address::id).collect()
+    }
+
+    /// Whether there are FD frames among them.
+    pub fn is_fd(&self) -> bool {
+        self.bus.layout == Layout::Fd
     }
 
     /// The machine to be simulated.

@@ -10,6 +10,7 @@ use tracing::{debug, error, warn};
 
 use super::Shared;
 use super::notify::{Pulse, Supervisor, due};
+use super::status::StatusFile;
 use crate::base::time::Span;
 
 /// How often, unless the supervisor wants a sign of life more often.
@@ -36,7 +37,13 @@ impl Seen {
 }
 
 /// Watch until the cycle's thread has ended by itself, which it should not.
-pub(super) async fn run(shared: &Shared, period: Span, supervisor: &Supervisor, is_over: impl Fn() -> bool) {
+pub(super) async fn run(
+    shared: &Shared,
+    period: Span,
+    supervisor: &Supervisor,
+    file: &mut StatusFile,
+    is_over: impl Fn() -> bool,
+) {
     while shared.cycles.load(Ordering::Relaxed) == 0 {
         if is_over() {
             error!("the cycle has ended before it ran");
@@ -52,6 +59,7 @@ pub(super) async fn run(shared: &Shared, period: Span, supervisor: &Supervisor, 
     let (mut before, mut looked) = (Seen::now(shared), Instant::now());
     loop {
         ticks.tick().await;
+        file.update();
         if is_over() {
             error!("the cycle has ended by itself");
             return;
