@@ -1,7 +1,7 @@
-//! Promise: the frames we speak are those of `firmware-config/encoder-board.dbc`, signal by signal,
-//! in both directions.
+//! Promise: the frames we speak are those of `firmware-config/encoder-board.dbc`, on classic CAN those of
+//! `encoder-board-classic.dbc`, signal by signal, in both directions.
 //!
-//! The DBC is parsed and applied bit by bit in f64 and integers, without any of our codec; the codec
+//! A DBC is parsed and applied bit by bit in f64 and integers, without any of our codec; the codec
 //! is asked through its public functions. Values are random from a fixed seed, with the ends of each
 //! range among them.
 
@@ -11,23 +11,28 @@ use can_dbc::{AttributeValue, ByteOrder, Dbc, Message, Signal, ValueType};
 use quadrant::base::sample::RawFeedback;
 use quadrant::base::units::Position;
 use quadrant::rt::bus::{Format, Frame, Id};
+use quadrant::rt::drive::state::DriveState;
 use quadrant::rt::wire::command::{self, RawCommand};
 use quadrant::rt::wire::feedback::{self, BoardFlags};
 use quadrant::rt::wire::parameter::{self, Abort, Access, ObjectAddress};
 use quadrant::rt::wire::scaling::{AxisScale, CurrentCounts, ScaleSettings, Sense};
 use quadrant::rt::wire::state::{self, Emergency, Heartbeat};
-use quadrant::rt::wire::{Address, Node};
+use quadrant::rt::wire::{Address, Layout, Node, classic};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
+use rstest::rstest;
 
-const DBC: &str = include_str!("../firmware-config/encoder-board.dbc");
 const ROUNDS: usize = 2_000;
 
 /// Raw values by the names of the DBC.
 type Values = BTreeMap<String, i64>;
 
-fn dbc() -> Dbc {
-    Dbc::try_from(DBC).expect("the DBC parses")
+fn dbc(layout: Layout) -> Dbc {
+    let text = match layout {
+        Layout::Fd => include_str!("../firmware-config/encoder-board.dbc"),
+        Layout::Classic => include_str!("../firmware-config/encoder-board-classic.dbc"),
+    };
+    Dbc::try_from(text).expect("the DBC parses")
 }
 
 fn address(message: &Message) -> Address {
@@ -92,7 +97,7 @@ fn random(dbc: &Dbc, message: &Message, signal: &Signal, chance: &mut Pcg64Mcg) 
 // The codec, asked by the names of the DBC.
 
 /// What the codec reads in a frame.
-fn told(frame: &Frame) -> Values {
+fn told(layout: Layout, frame: &Frame) -> Values {
     let readable = "the codec reads a frame of the DBC's length";
     let pairs: Vec<(&str, i64)> = match Address::of(frame.id()).expect("one of our identifiers") {
         Address::Sync => vec![("SyncCycle", command::decode_sync(frame).expect(readable).into())],
@@ -106,17 +111,45 @@ fn told(frame: &Frame) -> Values {
                 ("EmergencyCounter", counter.into()),
             ]
         }
-        Address::Feedback(_) => told_feedback(&feedback::decode(frame).expect(readable)),
-        Address::FeedbackTable(_) => panic!("classic CAN has its own DBC"),
+        Address::Feedback(_) => match layout {
+            Layout::Fd => told_feedback(&feedback::decode(frame).expect(readable)),
+            Layout::Classic => {
+                let half = classic::decode_motor(frame).expect(readable);
+                let raw = classic::join(half, blank_halves().1, half.cycle.into(), 0);
+                vec![
+                    ("MotorCounts", raw.motor_counts.into()),
+                    ("MotorCurrent", i64::from(raw.current_ua) / UA_PER_MA),
+                    ("AnswersCycle", raw.answers_cycle.into()),
+                    ("FeedbackSequence", raw.sequence.into()),
+                ]
+            }
+        },
+        Address::FeedbackTable(_) => {
+            let half = classic::decode_table(frame).expect(readable);
+            let raw = classic::join(blank_halves().0, half, half.cycle.into(), half.board_time_us.into());
+            let state = classic::STATUS_WORDS.iter().position(|word| *word == raw.status_word);
+            let mut pairs = vec![
+                ("TableCounts", raw.table_counts.into()),
+                ("BoardTime", raw.board_time_us.into()),
+                ("AnswersCycle", raw.answers_cycle.into()),
+                ("DriveState", state.expect("the status word of a state") as i64),
+            ];
+            pairs.extend(told_flags(&raw));
+            pairs
+        }
         Address::Command(_) => {
-            let raw = command::decode(frame).expect(readable);
-            vec![
+            let raw = layout.decode_command(frame).expect(readable);
+            let mut pairs = vec![
                 ("CurrentSetpoint", raw.current.as_ua().into()),
                 ("ControlWord", raw.control_word.into()),
                 ("CommandCycle", raw.cycle.into()),
                 ("CommandSequence", raw.sequence.into()),
-                ("ModeOfOperation", raw.mode_of_operation.into()),
-            ]
+            ];
+            match layout {
+                Layout::Fd => pairs.push(("ModeOfOperation", raw.mode_of_operation.into())),
+                Layout::Classic => assert_eq!(raw.mode_of_operation, command::CYCLIC_SYNCHRONOUS_TORQUE),
+            }
+            pairs
         }
         Address::ParameterRequest(_) => {
             let (object, access) = parameter::decode_request(frame).expect(readable);
@@ -154,8 +187,24 @@ const FLAGS: [(&str, BoardFlags); 5] = [
     ("TableScale", BoardFlags::TABLE_SCALE),
 ];
 
-fn told_feedback(raw: &RawFeedback) -> Vec<(&'static str, i64)> {
+/// The current of the feedback counts in mA on classic CAN.
+const UA_PER_MA: i64 = 1_000;
+
+/// Halves of a feedback in which every bit is zero, to put the other half to.
+fn blank_halves() -> (classic::MotorHalf, classic::TableHalf) {
+    let node = Node::MAX;
+    let blank = |address: Address| Frame::classic(address.id(), [0; classic::FEEDBACK_LENGTH]);
+    let motor = classic::decode_motor(&blank(Address::Feedback(node)));
+    let table = classic::decode_table(&blank(Address::FeedbackTable(node)));
+    (motor.expect("8 bytes"), table.expect("8 bytes"))
+}
+
+fn told_flags(raw: &RawFeedback) -> impl Iterator<Item = (&'static str, i64)> {
     let flags = BoardFlags::from_bits(raw.board_flags);
+    FLAGS.into_iter().map(move |(name, flag)| (name, flags.contains(flag).into()))
+}
+
+fn told_feedback(raw: &RawFeedback) -> Vec<(&'static str, i64)> {
     let mut pairs = vec![
         ("MotorCounts", raw.motor_counts.into()),
         ("TableCounts", raw.table_counts.into()),
@@ -165,7 +214,7 @@ fn told_feedback(raw: &RawFeedback) -> Vec<(&'static str, i64)> {
         ("StatusWord", raw.status_word.into()),
         ("FeedbackSequence", raw.sequence.into()),
     ];
-    pairs.extend(FLAGS.map(|(name, flag)| (name, flags.contains(flag).into())));
+    pairs.extend(told_flags(raw));
     pairs
 }
 
@@ -181,8 +230,12 @@ fn told_object(specifier: i64, object: ObjectAddress, value: Option<u32>) -> Vec
 }
 
 /// The frame the codec builds from values. Casts cannot lose: values come from signals of the width.
-fn built(address: Address, values: &Values) -> Frame {
+fn built(layout: Layout, address: Address, values: &Values) -> Frame {
     let of = |name: &str| values[name];
+    let flags = || {
+        let set = FLAGS.iter().filter(|(name, _)| of(name) == 1);
+        set.fold(BoardFlags::NONE, |flags, (_, flag)| flags.with(*flag)).bits()
+    };
     let object = || ObjectAddress { index: of("ObjectIndex") as u16, sub: of("ObjectSubIndex") as u8 };
     let value = || of("ObjectValue") as u32;
     match address {
@@ -197,31 +250,55 @@ fn built(address: Address, values: &Values) -> Frame {
             state::encode_emergency(node, &emergency)
         }
         Address::Feedback(node) => {
-            let flags = FLAGS.iter().fold(BoardFlags::NONE, |flags, (name, flag)| {
-                flags.with(BoardFlags::when(of(name) == 1, *flag))
-            });
-            let raw = RawFeedback {
+            let motor = RawFeedback {
                 motor_counts: of("MotorCounts") as u32,
-                table_counts: of("TableCounts") as u32,
                 current_ua: of("MotorCurrent") as i32,
+                answers_cycle: of("AnswersCycle") as u16,
+                sequence: of("FeedbackSequence") as u8,
+                ..RawFeedback::default()
+            };
+            match layout {
+                Layout::Fd => feedback::encode(
+                    node,
+                    &RawFeedback {
+                        table_counts: of("TableCounts") as u32,
+                        board_time_us: of("BoardTime") as u32,
+                        status_word: of("StatusWord") as u16,
+                        board_flags: flags(),
+                        ..motor
+                    },
+                ),
+                Layout::Classic => {
+                    let current_ua = (of("MotorCurrent") * UA_PER_MA) as i32;
+                    let [frame, _] = classic::encode_feedback(node, &RawFeedback { current_ua, ..motor });
+                    frame
+                }
+            }
+        }
+        Address::FeedbackTable(node) => {
+            let raw = RawFeedback {
+                table_counts: of("TableCounts") as u32,
                 board_time_us: of("BoardTime") as u32,
                 answers_cycle: of("AnswersCycle") as u16,
-                status_word: of("StatusWord") as u16,
-                sequence: of("FeedbackSequence") as u8,
-                board_flags: flags.bits(),
+                status_word: classic::STATUS_WORDS[of("DriveState") as usize],
+                board_flags: flags(),
+                ..RawFeedback::default()
             };
-            feedback::encode(node, &raw)
+            let [_, frame] = classic::encode_feedback(node, &raw);
+            frame
         }
-        Address::FeedbackTable(_) => panic!("classic CAN has its own DBC"),
         Address::Command(node) => {
             let raw = RawCommand {
                 current: CurrentCounts::ua(of("CurrentSetpoint") as i32),
                 control_word: of("ControlWord") as u16,
                 cycle: of("CommandCycle") as u16,
                 sequence: of("CommandSequence") as u8,
-                mode_of_operation: of("ModeOfOperation") as i8,
+                mode_of_operation: match layout {
+                    Layout::Fd => of("ModeOfOperation") as i8,
+                    Layout::Classic => command::CYCLIC_SYNCHRONOUS_TORQUE,
+                },
             };
-            command::encode(node, &raw)
+            layout.command(node, &raw)
         }
         Address::ParameterRequest(node) => {
             let access = if of("Specifier") == 0x40 { Access::Read } else { Access::Write(value()) };
@@ -242,27 +319,32 @@ fn built(address: Address, values: &Values) -> Frame {
     }
 }
 
-#[test]
-fn the_dbc_has_every_frame_of_the_codec_and_no_other() {
-    let described: BTreeSet<u32> = dbc().messages.iter().map(|message| message.id.raw()).collect();
+#[rstest]
+#[case::fd(Layout::Fd)]
+#[case::classic(Layout::Classic)]
+fn the_dbc_has_every_frame_of_the_codec_and_no_other(#[case] layout: Layout) {
+    let described: BTreeSet<u32> = dbc(layout).messages.iter().map(|message| message.id.raw()).collect();
     let nodes = [1, 2].map(|number| Node::new(number).expect("a node number"));
     let spoken = nodes.into_iter().flat_map(|node| {
-        [
+        let rare = [
             Address::Sync,
             Address::Emergency(node),
-            Address::Feedback(node),
-            Address::Command(node),
             Address::ParameterReply(node),
             Address::ParameterRequest(node),
             Address::Heartbeat(node),
-        ]
+        ];
+        let feedback = layout.feedback(node, &RawFeedback::default());
+        let cyclic = feedback.chain([layout.command(node, &RawCommand::default())]);
+        rare.map(Address::id).into_iter().chain(cyclic.map(|frame| frame.id()))
     });
-    assert_eq!(described, spoken.map(|address| u32::from(address.id().raw())).collect());
+    assert_eq!(described, spoken.map(|id| u32::from(id.raw())).collect());
 }
 
-#[test]
-fn what_the_dbc_writes_the_codec_reads() {
-    let dbc = dbc();
+#[rstest]
+#[case::fd(Layout::Fd)]
+#[case::classic(Layout::Classic)]
+fn what_the_dbc_writes_the_codec_reads(#[case] layout: Layout) {
+    let dbc = dbc(layout);
     let mut chance = Pcg64Mcg::seed_from_u64(1);
     for message in &dbc.messages {
         let fd = Format::Fd { bit_rate_switch: true };
@@ -282,14 +364,21 @@ fn what_the_dbc_writes_the_codec_reads() {
             let frame = Frame::from_slice(address(message).id(), format, &payload).unwrap_or_else(|| {
                 panic!("{}: {} bytes fit no {format:?} frame", message.name, message.size)
             });
-            assert_eq!(told(&frame), values, "{}, round {round}: codec left, DBC right", message.name);
+            assert_eq!(
+                told(layout, &frame),
+                values,
+                "{}, round {round}: codec left, DBC right",
+                message.name
+            );
         }
     }
 }
 
-#[test]
-fn what_the_codec_writes_the_dbc_reads() {
-    let dbc = dbc();
+#[rstest]
+#[case::fd(Layout::Fd)]
+#[case::classic(Layout::Classic)]
+fn what_the_codec_writes_the_dbc_reads(#[case] layout: Layout) {
+    let dbc = dbc(layout);
     let mut chance = Pcg64Mcg::seed_from_u64(2);
     for message in &dbc.messages {
         let mut described_bits = vec![false; 8 * message.size as usize];
@@ -300,7 +389,7 @@ fn what_the_codec_writes_the_dbc_reads() {
             let mut values: Values = (message.signals.iter())
                 .map(|signal| (signal.name.clone(), random(&dbc, message, signal, &mut chance)))
                 .collect();
-            let frame = built(address(message), &values);
+            let frame = built(layout, address(message), &values);
             if values.get("Specifier") == Some(&0x40) {
                 values.insert("ObjectValue".to_owned(), 0);
             }
@@ -322,8 +411,10 @@ fn what_the_codec_writes_the_dbc_reads() {
     }
 }
 
-#[test]
-fn quantities_of_the_dbc_are_those_of_the_scaling() {
+#[rstest]
+#[case::fd(Layout::Fd)]
+#[case::classic(Layout::Classic)]
+fn quantities_of_the_dbc_are_those_of_the_scaling(#[case] layout: Layout) {
     let scale = AxisScale::new(&ScaleSettings {
         lead: Position::mm(10.0),
         motor_counts_per_rev: 1 << 20,
@@ -332,14 +423,19 @@ fn quantities_of_the_dbc_are_those_of_the_scaling() {
         table_sense: Sense::Along,
     });
     let mut currents = 0;
-    for signal in dbc().messages.iter().flat_map(|message| &message.signals) {
+    for signal in dbc(layout).messages.iter().flat_map(|message| &message.signals) {
         assert_eq!(signal.offset, 0.0, "{}", signal.name);
         match signal.unit.as_str() {
             "A" => {
                 currents += 1;
-                for ua in [i32::MIN, -1, 0, 1, 1_234_567, i32::MAX] {
-                    let by_dbc = f64::from(ua) * signal.factor;
-                    assert_eq!(scale.current(CurrentCounts::ua(ua)).as_a(), by_dbc, "{} in A", signal.name);
+                let ua_per_count = if signal.size == 16 { UA_PER_MA } else { 1 };
+                let end = 1_i64 << (signal.size - 1);
+                for counts in [-end, -1, 0, 1, 12_345, end - 1] {
+                    let by_dbc = counts as f64 * signal.factor;
+                    let ours = scale.current(CurrentCounts::ua((counts * ua_per_count) as i32)).as_a();
+                    // Neither factor is a binary number: each product is off by a rounding.
+                    let bound = by_dbc.abs() * f64::EPSILON;
+                    assert!((ours - by_dbc).abs() <= bound, "{}: {ours} A, DBC {by_dbc} A", signal.name);
                 }
             }
             "s" if signal.name == "BoardTime" => assert_eq!(signal.factor, 1e-6, "board time counts in us"),
@@ -347,4 +443,25 @@ fn quantities_of_the_dbc_are_those_of_the_scaling() {
         }
     }
     assert_eq!(currents, 4, "current signals of two nodes");
+}
+
+#[test]
+fn the_drive_states_of_the_dbc_are_those_of_the_state_machine() {
+    let dbc = dbc(Layout::Classic);
+    let mut described = 0;
+    for message in dbc.messages.iter().filter(|message| message.name.starts_with("FeedbackTable")) {
+        let states = dbc.value_descriptions_for_signal(message.id, "DriveState").expect("states are listed");
+        let named: Vec<(i64, String)> =
+            states.iter().map(|state| (state.id, state.description.clone())).collect();
+        let ours = classic::STATUS_WORDS.map(|word| {
+            let name = format!("{:?}", DriveState::decode(word).expect("the word of a state"));
+            name.chars().fold(String::new(), |text, c| {
+                let gap = if c.is_uppercase() && !text.is_empty() { " " } else { "" };
+                text + gap + &c.to_lowercase().to_string()
+            })
+        });
+        assert_eq!(named, (0..).zip(ours).collect::<Vec<_>>(), "{}", message.name);
+        described += 1;
+    }
+    assert_eq!(described, 2, "second frames of two nodes");
 }

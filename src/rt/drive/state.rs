@@ -266,6 +266,20 @@ mod tests {
     }
 
     #[test]
+    fn every_status_word_tells_the_same_state_on_classic_can() {
+        use crate::base::sample::RawFeedback;
+        use crate::rt::wire::{Node, classic};
+        for status_word in 0..=u16::MAX {
+            let raw = RawFeedback { status_word, ..RawFeedback::default() };
+            let [motor, table] = classic::encode_feedback(Node::MAX, &raw);
+            let (motor, table) = (classic::decode_motor(&motor), classic::decode_table(&table));
+            let told = classic::join(motor.unwrap(), table.unwrap(), 0, 0).status_word;
+            let expected = DriveState::decode(status_word).unwrap_or(DriveState::NotReadyToSwitchOn);
+            assert_eq!(told, expected.status_word(), "status word {status_word:04x}h");
+        }
+    }
+
+    #[test]
     fn each_state_is_told_by_its_word_and_no_two_by_one() {
         for state in DriveState::ALL {
             assert_eq!(DriveState::decode(state.status_word()), Some(state));

@@ -48,11 +48,17 @@ pub const COMMAND_LENGTH: usize = 7;
 
 const FLAG_BITS: u8 = 5;
 const FLAGS: u8 = (1 << FLAG_BITS) - 1;
-/// The bits of a status word that tell the state of the drive (CiA 402).
-const STATE_BITS: u16 = 0x6F;
 /// Status words of the states, in order of the numbers they travel as: the state's bits and those that
 /// follow from it.
 pub const STATUS_WORDS: [u16; 8] = [0x0000, 0x0240, 0x0231, 0x0233, 0x1237, 0x0217, 0x020F, 0x0208];
+
+/// The bits of a status word that tell the state of the drive (CiA 402). That of quick stop tells nothing
+/// while the power stage is off or a fault is there.
+const fn state_bits(status_word: u16) -> u16 {
+    const READY_OR_FAULT: u16 = 0x09;
+    const READY: u16 = 0x01;
+    status_word & if status_word & READY_OR_FAULT == READY { 0x6F } else { 0x4F }
+}
 
 /// The first frame of a feedback.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -84,7 +90,7 @@ pub fn encode_feedback(node: Node, raw: &RawFeedback) -> [Frame; 2] {
     put::<4, _, _>(&mut motor, current_ma.to_le_bytes());
     put::<6, _, _>(&mut motor, [raw.answers_cycle as u8, raw.sequence]);
     // A word the standard gives no meaning travels as the state in which nothing can be done.
-    let is_state = |word: &u16| word & STATE_BITS == raw.status_word & STATE_BITS;
+    let is_state = |word: &u16| state_bits(*word) == state_bits(raw.status_word);
     let state = STATUS_WORDS.iter().position(is_state).unwrap_or(0) as u8;
     let mut table = [0; FEEDBACK_LENGTH];
     put::<0, _, _>(&mut table, raw.table_counts.to_le_bytes());

@@ -19,7 +19,7 @@ pub enum Layout {
 
 impl Layout {
     /// The frames that carry feedback from `node`, in order.
-    pub fn feedback(self, node: Node, raw: &RawFeedback) -> impl Iterator<Item = Frame> {
+    pub fn feedback(self, node: Node, raw: &RawFeedback) -> impl Iterator<Item = Frame> + use<> {
         let frames = match self {
             Self::Fd => [Some(feedback::encode(node, raw)), None],
             Self::Classic => classic::encode_feedback(node, raw).map(Some),
