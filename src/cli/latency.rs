@@ -53,6 +53,9 @@ pub(super) struct Arguments {
     /// Processor of the cycle instead of the machine file's
     #[arg(long, value_name = "N", conflicts_with_all = ["log", "live"])]
     cpu: Option<u16>,
+    /// Write every time that was seen with its count into this file: share, microseconds, cycles
+    #[arg(long, value_name = "FILE.csv", conflicts_with = "live")]
+    csv: Option<PathBuf>,
     /// Draw the histograms into this file
     #[arg(long, value_name = "FILE.svg")]
     svg: Option<PathBuf>,
@@ -77,6 +80,8 @@ struct Seen {
     source: String,
     period: Span,
     shares: Vec<Share>,
+    /// The histograms to three digits, where they are at hand.
+    timings: Option<Timings>,
     overruns: u64,
     /// How the thread was scheduled; logs and status files do not tell.
     scheduling: Option<String>,
@@ -99,6 +104,9 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     };
     let shares = &seen.shares;
     let cycles = shares.first().map_or(0, |share| share.percentiles.count);
+    if let (Some(path), Some(timings)) = (&arguments.csv, &seen.timings) {
+        std::fs::write(path, timings.table()).with_context(|| format!("cannot write {}", path.display()))?;
+    }
     if let Some(path) = &arguments.svg {
         let title = format!("{}, period {} us", seen.source, seen.period.as_us());
         std::fs::write(path, sheet(&title, shares))
@@ -140,6 +148,7 @@ fn of_log(path: &Path) -> anyhow::Result<Seen> {
         source: path.display().to_string(),
         period,
         shares: timings.shares(),
+        timings: Some(timings),
         overruns,
         scheduling: None,
     })
@@ -155,6 +164,7 @@ fn of_daemon(path: &Path) -> anyhow::Result<Seen> {
         source: format!("machine {}, since its daemon started", status.machine),
         period: Span::s(status.period_us * 1e-6),
         shares: status.shares,
+        timings: None,
         overruns: status.overruns,
         scheduling: None,
     })
@@ -194,7 +204,8 @@ fn measured(arguments: &Arguments) -> anyhow::Result<Seen> {
     stop_wish.store(true, Ordering::Relaxed);
     let (counted, scheduling) = cycle.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))?;
     let Counted { timings, overruns } = counted;
-    Ok(Seen { source, period, shares: timings.shares(), overruns, scheduling: Some(scheduling) })
+    let shares = timings.shares();
+    Ok(Seen { source, period, shares, timings: Some(timings), overruns, scheduling: Some(scheduling) })
 }
 
 /// Hold position until told to stop; what was counted, and how the thread was scheduled.

@@ -124,13 +124,28 @@ impl Timings {
 
     /// All shares, in order of the period.
     pub fn shares(&self) -> Vec<Share> {
-        let named = [
+        self.named().into_iter().map(|(name, histogram)| Share::of(name, histogram)).collect()
+    }
+
+    /// Every time that was seen with its count, as CSV: to be put together with those of other runs.
+    pub fn table(&self) -> String {
+        let mut text = String::from("share,us,cycles\n");
+        for (name, histogram) in self.named() {
+            for step in histogram.iter_recorded() {
+                let us = step.value_iterated_to() as f64 * 1e-3;
+                text += &format!("{name},{us},{}\n", step.count_at_value());
+            }
+        }
+        text
+    }
+
+    fn named(&self) -> [(&'static str, &Histogram<u64>); 4] {
+        [
             ("wake-up error", &self.wake),
             ("collect", &self.collect),
             ("control", &self.control),
             ("total", &self.total),
-        ];
-        named.into_iter().map(|(name, histogram)| Share::of(name, histogram)).collect()
+        ]
     }
 }
 
