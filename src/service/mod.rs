@@ -227,7 +227,7 @@ fn conduct_on<B: Bus + Send + 'static>(
     let end = conductor.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
     let end = end.context("the thread of the cycle ended without having run it")?;
     status.update();
-    Ok(report(&end, &writer.join(), shared.lost.load(Ordering::Relaxed)))
+    Ok(report(&end, &writer.join(), &shared))
 }
 
 /// Where the status goes, if anywhere.
@@ -282,7 +282,8 @@ impl Signals {
     }
 }
 
-fn report(end: &End, log: &WriteOutcome, lost: u64) -> bool {
+fn report(end: &End, log: &WriteOutcome, shared: &Shared) -> bool {
+    let lost = shared.lost.load(Ordering::Relaxed);
     let mut is_well = lost == 0 && log.is_complete;
     for (axis, row) in end.last.axes.iter() {
         if let Some(fault) = row.fault {
@@ -297,6 +298,8 @@ fn report(end: &End, log: &WriteOutcome, lost: u64) -> bool {
     if let Ok(PageFaults { minor, major }) = end.page_faults {
         info!(minor, major, "page faults of the cycle");
     }
-    info!(records = log.written, lost, log = %log.path.display(), "stopped");
+    let skipped = shared.overruns.load(Ordering::Relaxed);
+    let latest_wake_up_us = shared.wake_error_ns_max.load(Ordering::Relaxed) / 1_000;
+    info!(records = log.written, lost, skipped, latest_wake_up_us, log = %log.path.display(), "stopped");
     is_well
 }
