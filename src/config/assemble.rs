@@ -5,12 +5,14 @@
 
 use super::Machine;
 use crate::base::axis::PerAxis;
+use crate::base::time::Moment;
 use crate::rt::bus::Id;
 use crate::rt::control;
 use crate::rt::cycle;
 use crate::rt::drive::{Configuring, DriveSettings, Drives, SettingsError};
 use crate::rt::wire::{Address, Layout};
-use crate::sim::rack;
+use crate::sim::live_rack::LiveRack;
+use crate::sim::rack::{self, Rack};
 
 impl Machine {
     /// Settings of the cycle.
@@ -68,9 +70,18 @@ impl Machine {
         self.bus.layout == Layout::Fd
     }
 
-    /// The machine to be simulated.
-    pub fn rack(&self, seed: u64) -> rack::Rack {
-        let axes = self.axes.map(|_, axis| rack::AxisSettings {
+    /// The machine to be simulated in virtual time.
+    pub fn rack(&self, seed: u64) -> Rack {
+        Rack::new(self.cycle.period, &self.rack_settings(), seed)
+    }
+
+    /// The machine to be simulated on the wall clock, with power from a moment on.
+    pub fn live_rack(&self, seed: u64, power_on: Moment) -> LiveRack {
+        LiveRack::new(self.cycle.period, &self.rack_settings(), seed, power_on)
+    }
+
+    fn rack_settings(&self) -> PerAxis<rack::AxisSettings> {
+        self.axes.map(|_, axis| rack::AxisSettings {
             node: axis.node,
             layout: self.bus.layout,
             sheet: axis.sheet,
@@ -78,7 +89,6 @@ impl Machine {
             feedback_latency: axis.feedback_latency,
             current_noise: axis.current_noise,
             plant: axis.plant,
-        });
-        rack::Rack::new(self.cycle.period, &axes, seed)
+        })
     }
 }
