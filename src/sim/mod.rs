@@ -6,3 +6,4 @@
 pub mod board; //       a board and its drive, seen from the bus
 pub mod rack; //        all boards of a machine, each with its plant
 pub mod closed_loop; // the shipped cycle and a rack in one process
+pub mod session; //     a rack behind a bus of another process
