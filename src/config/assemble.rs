@@ -92,3 +92,23 @@ impl Machine {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::config;
+
+    #[test]
+    fn identifiers_are_those_of_the_nodes_and_of_a_host_each_once() {
+        for (name, is_fd) in [("reference", true), ("classic", false)] {
+            let machine = config::load(name).unwrap();
+            assert_eq!(machine.is_fd(), is_fd);
+            let mut ids: Vec<u16> = machine.identifiers().iter().map(|id| id.raw()).collect();
+            ids.sort_unstable();
+            let of_node =
+                |node: u16| [0x080, 0x180, 0x200, 0x280, 0x580, 0x600, 0x700].map(|function| function + node);
+            let mut expected = [&[0x080][..], &of_node(1), &of_node(2)].concat();
+            expected.sort_unstable();
+            assert_eq!(ids, expected, "{name}");
+        }
+    }
+}

@@ -8,3 +8,4 @@ mod axis; //            a board, its plant and the sensors between them
 pub mod rack; //        all boards of a machine, in virtual time
 pub mod live_rack; //   the same on the wall clock
 pub mod closed_loop; // the shipped cycle and a rack in one process
+pub mod session; //     a rack behind a bus of another process

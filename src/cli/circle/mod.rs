@@ -8,7 +8,7 @@ mod report;
 
 use std::path::PathBuf;
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 use clap::{Args, ValueEnum};
 
 use super::{Outcome, machine};
@@ -50,9 +50,13 @@ pub(super) struct Arguments {
     /// As fast as the processor allows, or on the wall clock
     #[arg(long, value_enum, default_value_t = PaceName::Virtual)]
     pace: PaceName,
-    /// Seed of everything random: encoder counters at power-on, noise
+    /// Seed of everything random: encoder counters at power-on, noise; with --bus, of the friction-free
+    /// comparison only
     #[arg(long, default_value_t = 1, value_name = "N")]
     seed: u64,
+    /// CAN interface with the simulated machine hil-sim at its other end, in virtual time
+    #[arg(long, value_name = "INTERFACE")]
+    bus: Option<String>,
     /// Folder for log and report [default: a new folder under quadrant-out]
     #[arg(long, value_name = "FOLDER")]
     out: Option<PathBuf>,
@@ -62,7 +66,7 @@ pub(super) struct Arguments {
     /// Judge the circular test in this log instead of running one
     #[arg(long, value_name = "FILE", conflicts_with_all = [
         "machine", "gains", "radius_mm", "feed_mm_per_min", "direction", "revolutions", "centre_x_mm",
-        "centre_y_mm", "start_angle_deg", "pace", "seed", "log",
+        "centre_y_mm", "start_angle_deg", "pace", "seed", "bus", "log",
     ])]
     from: Option<PathBuf>,
     /// Print one JSON object instead of the table
@@ -116,6 +120,9 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     if let Some(log) = &arguments.from {
         return report::of_log(log, arguments.out.as_deref(), arguments.json);
     }
+    if arguments.bus.is_some() && arguments.pace != PaceName::Virtual {
+        bail!("--bus runs in virtual time, in lock step with hil-sim: --pace virtual");
+    }
     let machine = machine(&arguments.machine)?;
     let request = arguments.request();
     let test = machine.circle_test(&request)?;
@@ -130,7 +137,12 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         .with_context(|| format!("cannot create the output folder {}", folder.display()))?;
     let log = arguments.log.clone().unwrap_or_else(|| folder.join(format!("circle-{}.mcap", stamp)));
 
-    let recording = live::record(&machine, &request, &test, arguments.pace.pace(), arguments.seed, &log)?;
+    let place = live::Place {
+        pace: arguments.pace.pace(),
+        interface: arguments.bus.as_deref(),
+        seed: arguments.seed,
+    };
+    let recording = live::record(&machine, &request, &test, &place, &log)?;
     let outcome = match recording.ending {
         Ending::Complete => report::of_recording(&machine, &request, &recording, &folder, arguments.json)?,
         Ending::Interrupted => {

@@ -6,6 +6,7 @@
 //! Invariant: what was handed to a bus is on its way, or refused aloud; it is never dropped silently here.
 
 pub mod faulty;
+pub mod lockstep;
 pub mod memory;
 pub mod socketcan;
 
