@@ -77,7 +77,8 @@ impl Records for Told {
 
 /// What a test does on a bus: a small circle, up to its end or a fault.
 fn run<B: Bus>(machine: &Machine, mut bus: B, from_the_host: Faults, to_the_host: Faults) -> (Told, Ending) {
-    let drives = commission(&mut bus, machine.drives().unwrap()).expect("boards like their sheets");
+    let drives = commission(&mut bus, machine.drives().expect("each axis has its board"))
+        .expect("boards like their sheets");
     let mut bus = Faulty::new(bus, SEED, to_the_host, from_the_host);
     let mut cycle = Cycle::new(machine.cycle_settings(), drives, &machine.control_settings());
     let mut circle = paper_circle(1);

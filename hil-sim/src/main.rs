@@ -5,12 +5,13 @@
 //!   hil-sim --machine reference < host.log > boards.log
 //! ```
 //!
-//! Time is that of the SYNCs: with the one of cycle `k` the simulated axes move on to cycle `k`, so a
-//! session replayed twice gives the same frames to the bit.
+//! In virtual pace time is that of the SYNCs: with the one of cycle `k` the simulated axes move on to cycle
+//! `k`, so a session replayed twice gives the same frames to the bit. In realtime pace it is the wall clock's.
 //! Invariant: boards, drives and plant are those of `quadrant::sim`; this program only moves frames.
 
 mod dump;
 mod filter;
+mod live;
 mod served;
 
 use std::process::ExitCode;
@@ -41,6 +42,8 @@ struct Arguments {
 enum Pace {
     /// With the SYNCs of the host, in lock step with it
     Virtual,
+    /// With the wall clock, whether or not a host speaks
+    Realtime,
 }
 
 fn main() -> ExitCode {
@@ -56,7 +59,7 @@ fn main() -> ExitCode {
 fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let machine = config::load(&arguments.machine)?;
     match (&arguments.bus, arguments.pace) {
-        (Some(interface), Pace::Virtual) => served::run(&machine, arguments.seed, interface),
+        (Some(interface), pace) => served::run(&machine, arguments.seed, interface, pace == Pace::Realtime),
         (None, _) => filter::run(&machine, arguments.seed),
     }
 }

@@ -1,4 +1,4 @@
-//! The machine on a CAN interface, for one host after the other, in lock step.
+//! The machine on a CAN interface, for one host after the other.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -10,11 +10,13 @@ use quadrant::rt::bus::{Bus, lockstep};
 use quadrant::rt::clock::monotonic_now;
 use quadrant::sim::session::{Counts, Session};
 
+use crate::live;
+
 /// How often a wait for frames looks whether a signal came.
 const WAIT: Span = Span::ms(100);
 
-/// Serve until a signal, and say what was served.
-pub(crate) fn run(machine: &Machine, seed: u64, interface: &str) -> anyhow::Result<()> {
+/// Open the interface and serve until a signal, in lock step or on the wall clock.
+pub(crate) fn run(machine: &Machine, seed: u64, interface: &str, is_live: bool) -> anyhow::Result<()> {
     let is_over = Arc::new(AtomicBool::new(false));
     for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
         signal_hook::flag::register(signal, Arc::clone(&is_over))?;
@@ -22,12 +24,24 @@ pub(crate) fn run(machine: &Machine, seed: u64, interface: &str) -> anyhow::Resu
     let mut identifiers = machine.identifiers();
     identifiers.push(lockstep::MARKER);
     let settings = Settings { interface, identifiers: &identifiers, is_fd: machine.is_fd() };
-    let mut bus = SocketCan::open(&settings, Moment::ZERO)?;
+    let bus = SocketCan::open(&settings, Moment::ZERO)?;
+    let pace = if is_live { "on the wall clock" } else { "in lock step" };
+    eprintln!("machine {}, seed {seed}, on {interface}, {pace}: waiting for a host", machine.name);
+    let is_over = || is_over.load(Ordering::Relaxed);
+    if is_live {
+        live::run(machine, seed, bus, is_over);
+    } else {
+        in_lock_step(machine, seed, bus, is_over);
+    }
+    Ok(())
+}
+
+/// Serve until told otherwise, and say what was served.
+fn in_lock_step(machine: &Machine, seed: u64, mut bus: SocketCan, is_over: impl Fn() -> bool) {
     let mut session = Session::new(|| machine.rack(seed));
-    eprintln!("machine {}, seed {seed}, on {interface}: waiting for a host", machine.name);
     let mut busy = Busy::default();
     let mut until = Moment::ZERO;
-    while !is_over.load(Ordering::Relaxed) {
+    while !is_over() {
         match bus.receive(until) {
             Some(received) => {
                 busy.work_at(received.at);
@@ -42,7 +56,6 @@ pub(crate) fn run(machine: &Machine, seed: u64, interface: &str) -> anyhow::Resu
         }
     }
     eprintln!("{}", summary(session.counts(), bus.dropped(), busy.sum.as_s()));
-    Ok(())
 }
 
 /// How long frames came, without the time in which no host was there.

@@ -19,9 +19,7 @@ use clap::{Parser, Subcommand};
 
 use crate::config::{self, LoadError, Machine};
 use crate::log::size_limit;
-
-/// Version and commit, as in logs and reports.
-pub const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), " (", env!("QUADRANT_COMMIT"), ")");
+use crate::run::VERSION;
 
 /// Circular tests, checks and logs of ball-screw axes.
 #[derive(Debug, Parser)]

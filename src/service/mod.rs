@@ -9,10 +9,7 @@
 //! gives no motion of its own: axes are without current, or hold their position with `--hold`.
 //! Invariant: the cycle thread ends only with every axis at rest; a signal asks it to.
 
-mod cycle_thread;
 mod notify;
-mod preparation;
-pub mod readiness;
 mod status;
 mod watch;
 
@@ -21,7 +18,6 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::time::SystemTime;
 
 use anyhow::Context;
 use clap::Parser;
@@ -30,32 +26,26 @@ use tokio::signal::unix::{Signal, SignalKind, signal};
 use tracing::{error, info, warn};
 
 use crate::base::record::CycleRecord;
-use crate::base::time::{Moment, Span};
+use crate::base::time::Moment;
 use crate::config::{self, Machine};
-use crate::log::{self, Header, Pace, WriteOutcome, Writer, header};
+use crate::log::{self, Pace, WriteOutcome, Writer, header};
 use crate::rt::bus::Bus;
-use crate::rt::bus::socketcan::{self, SocketCan};
-use crate::rt::clock::monotonic_now;
+use crate::rt::bus::socketcan::SocketCan;
 use crate::rt::cycle::pace::Wall;
 use crate::rt::cycle::standby::Standby;
 use crate::rt::cycle::{Cycle, conduct};
 use crate::rt::door::{Both, record_ring};
-use crate::rt::drive::commission::CommissionSettings;
 use crate::rt::drive::{Drives, Operational};
 use crate::rt::thread::PageFaults;
+use crate::run::readiness::Check;
+use crate::run::{self, Origin, Place, Prepared, VERSION};
 use crate::sim::closed_loop::Wired;
 
 use notify::Supervisor;
-use preparation::Prepared;
-use readiness::Check;
 use status::StatusFile;
 
 /// Records on their way to the disk: four seconds of a cycle at 2 kHz.
 const RING_RECORDS: usize = 8_192;
-/// From the start of the threads to the first slot.
-const LEAD: Span = Span::ms(200);
-/// Version and commit, as in logs.
-const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), " (", env!("QUADRANT_COMMIT"), ")");
 
 /// The control cycle as a service: on a CAN interface, or against a simulated machine in this process.
 #[derive(Debug, Parser)]
@@ -154,14 +144,9 @@ fn serve(arguments: &Arguments) -> anyhow::Result<bool> {
     let prepared = Prepared::new(&machine, arguments.bus.as_deref())?;
     match &arguments.bus {
         Some(interface) => {
-            let identifiers = machine.identifiers();
-            let settings =
-                socketcan::Settings { interface, identifiers: &identifiers, is_fd: machine.is_fd() };
-            let began = monotonic_now();
-            let mut bus = SocketCan::open(&settings, began)?;
+            let mut bus = run::open(&machine, interface, &[])?;
             prepared.judge(arguments.allow_jitter)?;
-            let clock = || Moment::ZERO + (monotonic_now() - began);
-            let drives = machine.drives()?.commission(&mut bus, CommissionSettings::default(), clock)?;
+            let drives = run::commission(&mut bus, machine.drives()?)?;
             conduct_on(arguments, &machine, prepared, drives, bus, SocketCan::set_origin)
         }
         None => {
@@ -197,8 +182,10 @@ fn conduct_on<B: Bus + Send + 'static>(
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     // Before anything runs: from here on a signal is a wish to stop, not the end.
     let mut signals = runtime.block_on(async { Signals::new() })?;
-    let (path, header) = log_header(machine, arguments)?;
-    let origin = monotonic_now() + LEAD;
+    let origin = Origin::soon();
+    let path = log_path(arguments, &origin)?;
+    let place = Place { pace: Pace::Realtime, interface: arguments.bus.as_deref(), seed: arguments.seed };
+    let header = run::header(machine, &place, &origin, "quadrantd");
     let writer = Writer::start(&path, header, log_drain.ring, log_drain.inputs, log_drain.lost)?;
     info!(log = %path.display(), "logging every cycle");
     let mut status =
@@ -206,11 +193,11 @@ fn conduct_on<B: Bus + Send + 'static>(
 
     let mut orders = Standby::new(arguments.hold, Arc::clone(&shared.stop_wish));
     let period = machine.cycle.period;
-    begin(&mut bus, origin);
+    begin(&mut bus, origin.monotonic);
     let conductor = prepared.thread.give(move || {
         let mut records = Both(to_log, to_status);
         let before = PageFaults::of_this_thread();
-        let mut pace = Wall::starting_at(origin, period);
+        let mut pace = Wall::starting_at(origin.monotonic, period);
         let last = conduct(&mut cycle, &mut bus, &mut pace, &mut orders, &mut records);
         let since = |before| PageFaults::of_this_thread().map(|after| after.since(before));
         End { last, page_faults: before.and_then(since) }
@@ -237,29 +224,11 @@ fn status_path(arguments: &Arguments) -> Option<PathBuf> {
     arguments.status.clone().or_else(of_service)
 }
 
-fn log_header(machine: &Machine, arguments: &Arguments) -> anyhow::Result<(PathBuf, Header)> {
-    let since_epoch = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
-    let wall_at_zero_ns = since_epoch.as_nanos() as i64 + LEAD.as_ns();
+fn log_path(arguments: &Arguments, origin: &Origin) -> anyhow::Result<PathBuf> {
     let folder: &Path = &arguments.logs;
     std::fs::create_dir_all(folder)
         .with_context(|| format!("cannot create the log folder {}", folder.display()))?;
-    let path = folder.join(format!("quadrantd-{}.mcap", header::file_stamp(wall_at_zero_ns)));
-    let header = Header {
-        project_version: env!("CARGO_PKG_VERSION").to_owned(),
-        commit: env!("QUADRANT_COMMIT").to_owned(),
-        machine_name: machine.name.clone(),
-        machine_text: machine.text.clone(),
-        sheets: machine.sheets.clone(),
-        seed: arguments.seed,
-        pace: Pace::Realtime,
-        wall_at_zero_ns,
-        axes: machine.axis_names(),
-        period: machine.cycle.period,
-        gain_sets: machine.gain_sets.clone(),
-        motions: std::collections::BTreeMap::new(),
-        extra: [("program".to_owned(), format!("quadrantd {VERSION}"))].into(),
-    };
-    Ok((path, header))
+    Ok(folder.join(format!("quadrantd-{}.mcap", header::file_stamp(origin.wall_ns))))
 }
 
 /// The signals that ask for the end.

@@ -45,9 +45,10 @@ const ROOMS: &[Room] = &[
     Room { name: "sim", may: &["base", "plant", "rt"] },
     Room { name: "config", may: &["base", "plant", "rt", "sim"] },
     Room { name: "log", may: &["base"] },
-    Room { name: "service", may: &["base", "plant", "rt", "sim", "config", "log"] },
+    Room { name: "run", may: &["base", "plant", "rt", "config", "log"] },
+    Room { name: "service", may: &["base", "plant", "rt", "sim", "config", "log", "run"] },
     Room { name: "offline", may: &["base", "plant", "rt", "sim", "config", "log"] },
-    Room { name: "cli", may: &["base", "plant", "rt", "sim", "config", "log", "offline"] },
+    Room { name: "cli", may: &["base", "plant", "rt", "sim", "config", "log", "run", "offline"] },
     Room { name: "bin", may: &["cli", "service"] },
     Room { name: "hil-sim", may: &["base", "plant", "rt", "sim", "config"] },
 ];

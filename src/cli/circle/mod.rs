@@ -8,7 +8,7 @@ mod report;
 
 use std::path::PathBuf;
 
-use anyhow::{Context, bail};
+use anyhow::Context;
 use clap::{Args, ValueEnum};
 
 use super::{Outcome, machine};
@@ -17,6 +17,7 @@ use crate::base::units::{Position, Velocity};
 use crate::config::plan::CircleRequest;
 use crate::log::Pace;
 use crate::rt::cycle::procedure::Ending;
+use crate::run::Place;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
@@ -54,9 +55,12 @@ pub(super) struct Arguments {
     /// comparison only
     #[arg(long, default_value_t = 1, value_name = "N")]
     seed: u64,
-    /// CAN interface with the simulated machine hil-sim at its other end, in virtual time
+    /// CAN interface of the machine: with --pace realtime a real or simulated one, in virtual time `hil-sim`
     #[arg(long, value_name = "INTERFACE")]
     bus: Option<String>,
+    /// Drive a real machine from a computer that is not fit for real time: at a desk only
+    #[arg(long)]
+    allow_jitter: bool,
     /// Folder for log and report [default: a new folder under quadrant-out]
     #[arg(long, value_name = "FOLDER")]
     out: Option<PathBuf>,
@@ -66,7 +70,7 @@ pub(super) struct Arguments {
     /// Judge the circular test in this log instead of running one
     #[arg(long, value_name = "FILE", conflicts_with_all = [
         "machine", "gains", "radius_mm", "feed_mm_per_min", "direction", "revolutions", "centre_x_mm",
-        "centre_y_mm", "start_angle_deg", "pace", "seed", "bus", "log",
+        "centre_y_mm", "start_angle_deg", "pace", "seed", "bus", "allow_jitter", "log",
     ])]
     from: Option<PathBuf>,
     /// Print one JSON object instead of the table
@@ -120,9 +124,6 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     if let Some(log) = &arguments.from {
         return report::of_log(log, arguments.out.as_deref(), arguments.json);
     }
-    if arguments.bus.is_some() && arguments.pace != PaceName::Virtual {
-        bail!("--bus runs in virtual time, in lock step with hil-sim: --pace virtual");
-    }
     let machine = machine(&arguments.machine)?;
     let request = arguments.request();
     let test = machine.circle_test(&request)?;
@@ -137,12 +138,9 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         .with_context(|| format!("cannot create the output folder {}", folder.display()))?;
     let log = arguments.log.clone().unwrap_or_else(|| folder.join(format!("circle-{}.mcap", stamp)));
 
-    let place = live::Place {
-        pace: arguments.pace.pace(),
-        interface: arguments.bus.as_deref(),
-        seed: arguments.seed,
-    };
-    let recording = live::record(&machine, &request, &test, &place, &log)?;
+    let place =
+        Place { pace: arguments.pace.pace(), interface: arguments.bus.as_deref(), seed: arguments.seed };
+    let recording = live::record(&machine, &request, &test, &place, arguments.allow_jitter, &log)?;
     let outcome = match recording.ending {
         Ending::Complete => report::of_recording(&machine, &request, &recording, &folder, arguments.json)?,
         Ending::Interrupted => {
