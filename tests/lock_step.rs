@@ -77,7 +77,7 @@ impl Records for Told {
 
 /// What a test does on a bus: a small circle, up to its end or a fault.
 fn run<B: Bus>(machine: &Machine, mut bus: B, from_the_host: Faults, to_the_host: Faults) -> (Told, Ending) {
-    let drives = commission(&mut bus, machine.drives().expect("each axis has its board"))
+    let drives = commission(&mut bus, machine.drives().expect("each axis has its node"))
         .expect("boards like their sheets");
     let mut bus = Faulty::new(bus, SEED, to_the_host, from_the_host);
     let mut cycle = Cycle::new(machine.cycle_settings(), drives, &machine.control_settings());
@@ -119,7 +119,7 @@ fn assert_same(one: &(Told, Ending), other: &(Told, Ending)) {
 #[test]
 fn one_run_after_the_other_gives_the_records_of_the_run_in_memory() {
     for name in ["reference", "paper", "classic"] {
-        let machine = config::load(name).unwrap();
+        let machine = config::load(name).expect("an embedded machine");
         let memory = in_memory(&machine, Faults::NONE, Faults::NONE);
         let cycles = memory.0.cycles.len() as u64;
         assert!(memory.1 == Ending::Complete && cycles > 2_000, "{name}: {cycles} cycles, {:?}", memory.1);
@@ -134,7 +134,7 @@ fn one_run_after_the_other_gives_the_records_of_the_run_in_memory() {
 
 #[test]
 fn faults_of_the_line_are_the_same_faults() {
-    let machine = config::load("reference").unwrap();
+    let machine = config::load("reference").expect("an embedded machine");
     let lossy = Faults { drop: 0.02, repeat: 0.02, reorder: 0.02, ..Faults::NONE };
     let late = Faults { delay: (0.05, Span::us(700)), flip_bit: 0.01, ..lossy };
     // A wire that breaks for good in the middle of the motion.
@@ -152,7 +152,7 @@ fn faults_of_the_line_are_the_same_faults() {
 
 #[test]
 fn a_host_without_markers_begins_anew_with_the_sync_of_cycle_zero() {
-    let machine = config::load("reference").unwrap();
+    let machine = config::load("reference").expect("an embedded machine");
     let mut session = Session::new(|| machine.rack(SEED));
     let mut answers = |cycles: std::ops::Range<u32>| {
         let mut way = Way::default();
