@@ -115,23 +115,22 @@ fn told(layout: Layout, frame: &Frame) -> Values {
             Layout::Fd => told_feedback(&feedback::decode(frame).expect(readable)),
             Layout::Classic => {
                 let half = classic::decode_motor(frame).expect(readable);
-                let raw = classic::join(half, blank_halves().1, half.cycle.into(), 0);
+                let raw = classic::join(half, blank_halves().1, 0);
                 vec![
                     ("MotorCounts", raw.motor_counts.into()),
                     ("MotorCurrent", i64::from(raw.current_ua) / UA_PER_MA),
                     ("AnswersCycle", raw.answers_cycle.into()),
-                    ("FeedbackSequence", raw.sequence.into()),
                 ]
             }
         },
         Address::FeedbackTable(_) => {
             let half = classic::decode_table(frame).expect(readable);
-            let raw = classic::join(blank_halves().0, half, half.cycle.into(), half.board_time_us.into());
+            let raw = classic::join(blank_halves().0, half, half.board_time_us.into());
             let state = classic::STATUS_WORDS.iter().position(|word| *word == raw.status_word);
             let mut pairs = vec![
                 ("TableCounts", raw.table_counts.into()),
                 ("BoardTime", raw.board_time_us.into()),
-                ("AnswersCycle", raw.answers_cycle.into()),
+                ("AnswersCycle", half.cycle.into()),
                 ("DriveState", state.expect("the status word of a state") as i64),
             ];
             pairs.extend(told_flags(&raw));
@@ -254,7 +253,6 @@ fn built(layout: Layout, address: Address, values: &Values) -> Frame {
                 motor_counts: of("MotorCounts") as u32,
                 current_ua: of("MotorCurrent") as i32,
                 answers_cycle: of("AnswersCycle") as u16,
-                sequence: of("FeedbackSequence") as u8,
                 ..RawFeedback::default()
             };
             match layout {
@@ -264,6 +262,7 @@ fn built(layout: Layout, address: Address, values: &Values) -> Frame {
                         table_counts: of("TableCounts") as u32,
                         board_time_us: of("BoardTime") as u32,
                         status_word: of("StatusWord") as u16,
+                        sequence: of("FeedbackSequence") as u8,
                         board_flags: flags(),
                         ..motor
                     },

@@ -49,7 +49,7 @@ impl Halves {
         place: u8,
         cycle: u64,
     ) -> Piece {
-        let is_of_now = half.cycle == cycle as u8;
+        let is_of_now = half.cycle == cycle as u16;
         keep(&mut self.motor, half, is_of_now, received, place).unwrap_or_else(|| self.joined())
     }
 

@@ -121,7 +121,7 @@ impl Link {
             Piece::Whole { motor, table, first_place } => {
                 let periods = self.liveness.last_fresh().map_or(1, |fresh| periods_between(fresh, cycle));
                 let board_time_us = self.clock.completed_us(table.board_time_us, periods);
-                let raw = classic::join(motor, table, cycle as u16, board_time_us);
+                let raw = classic::join(motor, table, board_time_us);
                 Whole::Feedback { raw, first_place }
             }
             Piece::Held => Whole::Not(Taken::Held),

@@ -273,7 +273,7 @@ mod tests {
             let raw = RawFeedback { status_word, ..RawFeedback::default() };
             let [motor, table] = classic::encode_feedback(Node::MAX, &raw);
             let (motor, table) = (classic::decode_motor(&motor), classic::decode_table(&table));
-            let told = classic::join(motor.unwrap(), table.unwrap(), 0, 0).status_word;
+            let told = classic::join(motor.unwrap(), table.unwrap(), 0).status_word;
             let expected = DriveState::decode(status_word).unwrap_or(DriveState::NotReadyToSwitchOn);
             assert_eq!(told, expected.status_word(), "status word {status_word:04x}h");
         }

@@ -7,8 +7,7 @@
 //! |---|---|---|
 //! | 0..4 | motor encoder, u32, wraps | counts |
 //! | 4..6 | motor current, i16 | 1 mA |
-//! | 6 | low byte of the cycle of the SYNC answered | cycles |
-//! | 7 | sequence, u8, wraps | frames |
+//! | 6..8 | low half of the cycle of the SYNC answered, u16 | cycles |
 //!
 //! Feedback, second frame, 8 bytes, identifier `280h + n`:
 //!
@@ -31,9 +30,12 @@
 //! Its mode of operation is [`CYCLIC_SYNCHRONOUS_TORQUE`] without being told: the byte would make two axes
 //! at 1 kHz take more than 90 % of the bus.
 //!
-//! Two frames belong together if they answer the same SYNC. What is sent short (cycle, board time) the
-//! host completes by what it knows; see `rt/drive`.
-//! Invariant: `join(halves(raw))` is `raw` but for what is too long for it.
+//! Two frames belong together if they answer the same SYNC. A second frame that is a multiple of 256 cycles
+//! late names the same byte; its board time then tells, see `rt/drive`. There is no sequence: what answers
+//! this SYNC and was not here before is new. What is sent short (cycle, board time) the host completes by
+//! what it knows.
+//! Invariant: `join(halves(raw))` is `raw` but for what is too long for it, and the sequence, which is the
+//! low byte of the cycle.
 
 use super::command::{CYCLIC_SYNCHRONOUS_TORQUE, RawCommand};
 use super::scaling::CurrentCounts;
@@ -65,9 +67,8 @@ const fn state_bits(status_word: u16) -> u16 {
 pub struct MotorHalf {
     motor_counts: u32,
     current_ma: i16,
-    /// Low byte of the cycle of the SYNC answered.
-    pub cycle: u8,
-    sequence: u8,
+    /// Low half of the cycle of the SYNC answered.
+    pub cycle: u16,
 }
 
 /// The second frame of a feedback.
@@ -88,7 +89,7 @@ pub fn encode_feedback(node: Node, raw: &RawFeedback) -> [Frame; 2] {
     let mut motor = [0; FEEDBACK_LENGTH];
     put::<0, _, _>(&mut motor, raw.motor_counts.to_le_bytes());
     put::<4, _, _>(&mut motor, current_ma.to_le_bytes());
-    put::<6, _, _>(&mut motor, [raw.answers_cycle as u8, raw.sequence]);
+    put::<6, _, _>(&mut motor, raw.answers_cycle.to_le_bytes());
     // A word the standard gives no meaning travels as the state in which nothing can be done.
     let is_state = |word: &u16| state_bits(*word) == state_bits(raw.status_word);
     let state = STATUS_WORDS.iter().position(is_state).unwrap_or(0) as u8;
@@ -108,8 +109,7 @@ pub fn decode_motor(frame: &Frame) -> Result<MotorHalf, Malformed> {
     Ok(MotorHalf {
         motor_counts: u32::from_le_bytes(field::<0, _, _>(bytes)),
         current_ma: i16::from_le_bytes(field::<4, _, _>(bytes)),
-        cycle: bytes[6],
-        sequence: bytes[7],
+        cycle: u16::from_le_bytes(field::<6, _, _>(bytes)),
     })
 }
 
@@ -125,16 +125,16 @@ pub fn decode_table(frame: &Frame) -> Result<TableHalf, Malformed> {
     })
 }
 
-/// Both halves of an answer to the SYNC of `cycle`, and the board time that the second is short for.
-pub fn join(motor: MotorHalf, table: TableHalf, cycle: u16, board_time_us: u32) -> RawFeedback {
+/// Both halves of an answer, and the board time that the second is short for.
+pub fn join(motor: MotorHalf, table: TableHalf, board_time_us: u32) -> RawFeedback {
     RawFeedback {
         motor_counts: motor.motor_counts,
         table_counts: table.table_counts,
         current_ua: i32::from(motor.current_ma) * 1_000,
         board_time_us,
-        answers_cycle: cycle,
+        answers_cycle: motor.cycle,
         status_word: table.status_word,
-        sequence: motor.sequence,
+        sequence: motor.cycle as u8,
         board_flags: table.board_flags,
     }
 }
@@ -171,7 +171,7 @@ mod tests {
             board_time_us: 0x100F_0E0D,
             answers_cycle: 0x1211,
             status_word: STATUS_WORDS[4],
-            sequence: 0x15,
+            sequence: 0x11,
             board_flags: 0x16,
         }
     }
@@ -180,7 +180,7 @@ mod tests {
     fn the_bytes_are_these() {
         let [motor, table] = encode_feedback(Node::MAX, &raw());
         assert_eq!((motor.id().raw(), table.id().raw()), (0x1FF, 0x2FF));
-        assert_eq!(motor.payload(), [1, 2, 3, 4, 0xFE, 0xFE, 0x11, 0x15]);
+        assert_eq!(motor.payload(), [1, 2, 3, 4, 0xFE, 0xFE, 0x11, 0x12]);
         assert_eq!(table.payload(), [5, 6, 7, 8, 0x0D, 0x0E, 0x11, 0x96]);
         let command = RawCommand {
             current: CurrentCounts::ua(-1_000_000),
@@ -201,7 +201,7 @@ mod tests {
             let [motor, table] = encode_feedback(Node::MAX, &raw);
             let halves = (decode_motor(&motor), decode_table(&table));
             let (Ok(motor), Ok(table)) = halves else { panic!("{halves:?}") };
-            assert_eq!(join(motor, table, raw.answers_cycle, raw.board_time_us), raw);
+            assert_eq!(join(motor, table, raw.board_time_us), raw);
         }
     }
 
@@ -210,7 +210,7 @@ mod tests {
         for (current_ua, expected_ua) in [(i32::MAX, 32_767_000), (i32::MIN, -32_768_000), (1_499, 1_000)] {
             let [motor, table] = encode_feedback(Node::MAX, &RawFeedback { current_ua, ..raw() });
             let (motor, table) = (decode_motor(&motor).unwrap(), decode_table(&table).unwrap());
-            assert_eq!(join(motor, table, 0, 0).current_ua, expected_ua);
+            assert_eq!(join(motor, table, 0).current_ua, expected_ua);
         }
     }
 
