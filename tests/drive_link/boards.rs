@@ -9,6 +9,7 @@ use quadrant::rt::bus::Bus;
 use quadrant::rt::bus::faulty::Faults;
 use quadrant::rt::drive::sheet::{CommandApplies, Sheet};
 use quadrant::rt::drive::state::{DriveState, Target};
+use quadrant::rt::wire::Layout;
 use quadrant::rt::wire::command::{self, RawCommand};
 use quadrant::rt::wire::feedback::BoardFlags;
 use quadrant::rt::wire::parameter::Object;
@@ -21,8 +22,11 @@ use crate::rig::*;
 #[rstest]
 #[case(CommandApplies::OnReceipt)]
 #[case(CommandApplies::OnNextSync)]
-fn a_command_acts_when_the_sheet_says(#[case] command_applies: CommandApplies) {
-    let mut rig = Rig::new(Sheet { command_applies, ..SHEET });
+fn a_command_acts_when_the_sheet_says(
+    #[values(Layout::Fd, Layout::Classic)] layout: Layout,
+    #[case] command_applies: CommandApplies,
+) {
+    let mut rig = Rig::new(layout, Sheet { command_applies, ..SHEET });
     let seen = rig.run(12, AMPERE, Target::Enabled);
     assert_eq!(seen.map(|_, o| o.drive).as_slice(), [Some(DriveState::OperationEnabled); 2]);
     assert_eq!((rig.applied(X), rig.applied(Y)), (AMPERE, AMPERE), "the sense of each axis cancels out");
@@ -44,9 +48,9 @@ fn a_command_acts_when_the_sheet_says(#[case] command_applies: CommandApplies) {
     );
 }
 
-#[test]
-fn no_current_flows_unless_operation_is_enabled() {
-    let mut rig = Rig::new(SHEET);
+#[rstest]
+fn no_current_flows_unless_operation_is_enabled(#[values(Layout::Fd, Layout::Classic)] layout: Layout) {
+    let mut rig = Rig::new(layout, SHEET);
     for target in [Target::Enabled, Target::QuickStop, Target::Enabled, Target::Disabled] {
         for _ in 0..10 {
             rig.run(1, AMPERE, target);
@@ -57,9 +61,11 @@ fn no_current_flows_unless_operation_is_enabled() {
     assert_eq!(rig.state(X), DriveState::SwitchOnDisabled);
 }
 
-#[test]
-fn without_fresh_commands_the_board_takes_the_current_away_and_says_so() {
-    let mut rig = Rig::new(SHEET);
+#[rstest]
+fn without_fresh_commands_the_board_takes_the_current_away_and_says_so(
+    #[values(Layout::Fd, Layout::Classic)] layout: Layout,
+) {
+    let mut rig = Rig::new(layout, SHEET);
     rig.run(10, AMPERE, Target::Enabled);
     let last_command = rig.until() - PERIOD;
     let mut emergency = None;
@@ -85,9 +91,11 @@ fn without_fresh_commands_the_board_takes_the_current_away_and_says_so() {
     assert_eq!(seen[X].drive, Some(DriveState::QuickStopActive));
 }
 
-#[test]
-fn a_tripped_watchdog_stays_tripped_until_it_is_told_to_disable() {
-    let mut rig = Rig::new(SHEET);
+#[rstest]
+fn a_tripped_watchdog_stays_tripped_until_it_is_told_to_disable(
+    #[values(Layout::Fd, Layout::Classic)] layout: Layout,
+) {
+    let mut rig = Rig::new(layout, SHEET);
     rig.run(10, AMPERE, Target::Enabled);
     (0..15).for_each(|_| _ = rig.collect());
     // A host that goes on as if nothing had happened.
@@ -104,9 +112,9 @@ fn a_tripped_watchdog_stays_tripped_until_it_is_told_to_disable() {
     assert_eq!(rig.applied(X), AMPERE);
 }
 
-#[test]
-fn a_repeated_command_does_not_feed_the_watchdog() {
-    let mut rig = Rig::new(SHEET);
+#[rstest]
+fn a_repeated_command_does_not_feed_the_watchdog(#[values(Layout::Fd, Layout::Classic)] layout: Layout) {
+    let mut rig = Rig::new(layout, SHEET);
     rig.run(10, AMPERE, Target::Enabled);
     let raw = RawCommand {
         current: CurrentCounts::ua(1_000_000),
@@ -116,16 +124,18 @@ fn a_repeated_command_does_not_feed_the_watchdog() {
         ..RawCommand::default()
     };
     for _ in 0..15 {
-        rig.wired.send(&command::encode(node(X), &raw)).expect("room for a frame");
+        rig.wired.send(&layout.command(node(X), &raw)).expect("room for a frame");
         rig.collect();
     }
     assert_eq!(rig.applied(X), Current::ZERO);
     assert_eq!(rig.state(X), DriveState::QuickStopActive);
 }
 
-#[test]
-fn a_drive_fault_is_told_with_its_code_and_left_by_a_reset_only() {
-    let mut rig = Rig::new(SHEET);
+#[rstest]
+fn a_drive_fault_is_told_with_its_code_and_left_by_a_reset_only(
+    #[values(Layout::Fd, Layout::Classic)] layout: Layout,
+) {
+    let mut rig = Rig::new(layout, SHEET);
     rig.run(10, AMPERE, Target::Enabled);
     rig.board(Y).trip_drive(Emergency::CODE_OVERCURRENT, 42);
     rig.dispatch(AMPERE, Target::Enabled);
@@ -142,8 +152,11 @@ fn a_drive_fault_is_told_with_its_code_and_left_by_a_reset_only() {
 #[rstest]
 #[case::boot_up_message_heard(false)]
 #[case::boot_up_message_lost(true)]
-fn a_board_reset_is_told_once_and_leaves_no_current(#[case] is_message_lost: bool) {
-    let mut rig = Rig::new(SHEET);
+fn a_board_reset_is_told_once_and_leaves_no_current(
+    #[values(Layout::Fd, Layout::Classic)] layout: Layout,
+    #[case] is_message_lost: bool,
+) {
+    let mut rig = Rig::new(layout, SHEET);
     rig.run(30, AMPERE, Target::Enabled);
     let now = rig.until();
     rig.board(X).set_silent(is_message_lost);
@@ -159,8 +172,11 @@ fn a_board_reset_is_told_once_and_leaves_no_current(#[case] is_message_lost: boo
 #[rstest]
 #[case::boot_up_message_heard(false)]
 #[case::boot_up_message_lost(true)]
-fn a_loss_of_power_is_told_like_a_reset(#[case] is_message_lost: bool) {
-    let mut rig = Rig::new(SHEET);
+fn a_loss_of_power_is_told_like_a_reset(
+    #[values(Layout::Fd, Layout::Classic)] layout: Layout,
+    #[case] is_message_lost: bool,
+) {
+    let mut rig = Rig::new(layout, SHEET);
     // Only after its first second the board's uptime can be seen to go back.
     rig.run(1_100, AMPERE, Target::Enabled);
     let now = rig.until();
@@ -173,9 +189,9 @@ fn a_loss_of_power_is_told_like_a_reset(#[case] is_message_lost: bool) {
     assert_eq!(rig.seen[X].drive, Some(DriveState::SwitchOnDisabled));
 }
 
-#[test]
-fn a_silent_board_ages_in_feedback_and_heartbeat() {
-    let mut rig = Rig::new(SHEET);
+#[rstest]
+fn a_silent_board_ages_in_feedback_and_heartbeat(#[values(Layout::Fd, Layout::Classic)] layout: Layout) {
+    let mut rig = Rig::new(layout, SHEET);
     rig.run(40, Current::ZERO, Target::Disabled);
     let age = rig.seen[X].events.heartbeat_age;
     assert!(age <= SHEET.heartbeat_period() + PERIOD * 2, "heartbeat {} us old while it beats", age.as_us());
@@ -186,9 +202,9 @@ fn a_silent_board_ages_in_feedback_and_heartbeat() {
     assert!(seen[Y].events.heartbeat_age <= SHEET.heartbeat_period() + PERIOD * 2);
 }
 
-#[test]
-fn a_current_above_the_peak_is_held_there_and_flagged() {
-    let mut rig = Rig::new(SHEET);
+#[rstest]
+fn a_current_above_the_peak_is_held_there_and_flagged(#[values(Layout::Fd, Layout::Classic)] layout: Layout) {
+    let mut rig = Rig::new(layout, SHEET);
     let seen = rig.run(10, Current::a(26.0), Target::Enabled);
     assert!(seen[X].events.board_flags.contains(BoardFlags::CURRENT_SATURATED));
     assert_eq!(rig.applied(X), Current::a(25.0));
@@ -197,9 +213,11 @@ fn a_current_above_the_peak_is_held_there_and_flagged() {
     );
 }
 
-#[test]
-fn an_encoder_error_is_flagged_and_its_counts_stand_still() {
-    let mut rig = Rig::new(SHEET);
+#[rstest]
+fn an_encoder_error_is_flagged_and_its_counts_stand_still(
+    #[values(Layout::Fd, Layout::Classic)] layout: Layout,
+) {
+    let mut rig = Rig::new(layout, SHEET);
     let before = rig.run(3, Current::ZERO, Target::Disabled)[X].sample.position;
     rig.board(X).set_encoder_error(true);
     let seen = rig.run(2, Current::ZERO, Target::Disabled);
@@ -212,9 +230,11 @@ fn an_encoder_error_is_flagged_and_its_counts_stand_still() {
     );
 }
 
-#[test]
-fn a_frozen_encoder_stands_still_and_a_jump_shows_in_one_period() {
-    let mut rig = Rig::new(SHEET);
+#[rstest]
+fn a_frozen_encoder_stands_still_and_a_jump_shows_in_one_period(
+    #[values(Layout::Fd, Layout::Classic)] layout: Layout,
+) {
+    let mut rig = Rig::new(layout, SHEET);
     let before = rig.run(3, Current::ZERO, Target::Disabled)[X].sample.position;
     rig.board(X).set_encoder_frozen(true);
     assert_eq!(rig.collect()[X].sample.position, before);
@@ -226,7 +246,7 @@ fn a_frozen_encoder_stands_still_and_a_jump_shows_in_one_period() {
 #[test]
 fn writing_to_a_board_and_reading_what_it_has_not_are_refused_with_the_code_of_the_standard() {
     use quadrant::rt::wire::parameter::{Abort, Access, ObjectAddress, decode_reply, encode_request};
-    let mut rig = Rig::new(SHEET);
+    let mut rig = Rig::new(Layout::Fd, SHEET);
     let known = Object::Watchdog.address();
     for (address, access, abort) in [
         (known, Access::Write(1), Abort::READ_ONLY),
@@ -242,10 +262,10 @@ fn writing_to_a_board_and_reading_what_it_has_not_are_refused_with_the_code_of_t
     }
 }
 
-#[test]
-fn the_same_faults_give_the_same_observations() {
+#[rstest]
+fn the_same_faults_give_the_same_observations(#[values(Layout::Fd, Layout::Classic)] layout: Layout) {
     let run = || {
-        let mut rig = Rig::new(SHEET);
+        let mut rig = Rig::new(layout, SHEET);
         rig.wired.bus.set(Faults { drop: 0.2, repeat: 0.2, ..Faults::NONE }, Faults::NONE);
         (0..500).map(|_| rig.collect()).collect::<Vec<_>>()
     };

@@ -4,6 +4,7 @@ use quadrant::rt::bus::faulty::Faults;
 use quadrant::rt::drive::Drives;
 use quadrant::rt::drive::commission::CommissionError;
 use quadrant::rt::drive::sheet::Sheet;
+use quadrant::rt::wire::Layout;
 use quadrant::rt::wire::parameter::Object;
 use rstest::rstest;
 
@@ -11,7 +12,7 @@ use crate::rig::*;
 
 #[test]
 fn boards_that_are_what_their_sheets_say_are_accepted() {
-    assert!(commission(&mut wired(SHEET, 64, 0), SHEET).is_ok());
+    assert!(commission(&mut wired(Layout::Fd, SHEET, 64, 0), SHEET).is_ok());
 }
 
 #[rstest]
@@ -22,7 +23,7 @@ fn a_wrong_board_is_named_with_both_values(
     #[case] value: u32,
     #[case] message: &str,
 ) {
-    let mut wired = wired(SHEET, 64, 0);
+    let mut wired = wired(Layout::Fd, SHEET, 64, 0);
     wired.machine.boards[1].pretend(object, value);
     let error = commission(&mut wired, SHEET).expect_err("one board is wrong");
     assert_eq!(error.to_string(), message);
@@ -31,13 +32,13 @@ fn a_wrong_board_is_named_with_both_values(
 #[test]
 fn a_wrong_value_inside_a_board_is_found_by_the_hash_and_named() {
     let loose = Sheet { watchdog_us: 9_000, ..SHEET };
-    let error = commission(&mut wired(loose, 64, 0), SHEET).expect_err("the watchdogs differ");
+    let error = commission(&mut wired(Layout::Fd, loose, 64, 0), SHEET).expect_err("the watchdogs differ");
     assert_eq!(error.to_string(), "axis x: watchdog (object 2001:0) of node 1 is 9000 us, expected 5000 us");
 }
 
 #[test]
 fn a_hash_that_differs_alone_is_refused_too() {
-    let mut wired = wired(SHEET, 64, 0);
+    let mut wired = wired(Layout::Fd, SHEET, 64, 0);
     wired.machine.boards[0].pretend(Object::FirmwareConfigHash, 0);
     let error = commission(&mut wired, SHEET).expect_err("the hash differs");
     assert!(matches!(error, CommissionError::HashDiffers { axis: X, got: 0, .. }), "{error}");
@@ -45,7 +46,7 @@ fn a_hash_that_differs_alone_is_refused_too() {
 
 #[test]
 fn a_silent_board_is_named_with_the_patience_it_was_given() {
-    let mut wired = wired(SHEET, 64, 0);
+    let mut wired = wired(Layout::Fd, SHEET, 64, 0);
     wired.machine.boards[1].set_silent(true);
     let error = commission(&mut wired, SHEET).expect_err("one board is silent");
     assert_eq!(
@@ -56,7 +57,7 @@ fn a_silent_board_is_named_with_the_patience_it_was_given() {
 
 #[test]
 fn a_lost_reply_is_asked_for_again() {
-    let mut wired = wired(SHEET, 64, 3);
+    let mut wired = wired(Layout::Fd, SHEET, 64, 3);
     let lossy = Faults { drop: 0.2, ..Faults::NONE };
     wired.bus.set(lossy, lossy);
     let outcomes: Vec<_> = (0..20).map(|_| commission(&mut wired, SHEET)).collect();
@@ -68,7 +69,7 @@ fn a_lost_reply_is_asked_for_again() {
 
 #[test]
 fn two_axes_on_one_board_are_refused() {
-    let mut same = settings(SHEET);
+    let mut same = settings(Layout::Fd, SHEET);
     same[Y].node = same[X].node;
     let error = Drives::new(PERIOD, same).expect_err("one node for two axes");
     assert_eq!(error.to_string(), "axes x and y are both node 1");

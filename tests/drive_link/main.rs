@@ -3,5 +3,6 @@
 
 mod boards;
 mod commissioning;
+mod halves;
 mod rig;
 mod samples;

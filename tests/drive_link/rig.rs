@@ -54,6 +54,7 @@ pub(crate) fn scale(axis: AxisId) -> AxisScale {
 /// Two boards that move steadily, behind a bus whose `receive` lets them answer.
 pub(crate) struct Machine {
     pub end: memory::End,
+    pub layout: Layout,
     pub boards: [Board; 2],
     pub cycle: u32,
 }
@@ -105,10 +106,10 @@ impl<B: Bus> Bus for Wired<B> {
     }
 }
 
-pub(crate) fn settings(sheet: Sheet) -> PerAxis<DriveSettings> {
+pub(crate) fn settings(layout: Layout, sheet: Sheet) -> PerAxis<DriveSettings> {
     PerAxis::from_fn(2, |axis| DriveSettings {
         node: node(axis),
-        layout: Layout::Fd,
+        layout,
         sheet,
         serial: Some(100 + axis.index() as u32),
         scale: scale(axis),
@@ -127,14 +128,14 @@ pub(crate) struct Rig {
     pub(crate) inputs: Inputs,
 }
 
-pub(crate) fn wired(sheet: Sheet, capacity: usize, seed: u64) -> Wired<Faulty<memory::End>> {
+pub(crate) fn wired(layout: Layout, sheet: Sheet, capacity: usize, seed: u64) -> Wired<Faulty<memory::End>> {
     let (host, end) = memory::pair(capacity);
     // Encoders start just before their wrap.
     let boards = [X, Y].map(|axis| {
         let start = EncoderCounts::counts(if axis == X { u32::MAX - 9_000 } else { 9_000 });
-        Board::new(node(axis), Layout::Fd, sheet, 100 + axis.index() as u32, start, start, Moment::ZERO)
+        Board::new(node(axis), layout, sheet, 100 + axis.index() as u32, start, start, Moment::ZERO)
     });
-    let machine = Machine { end, boards, cycle: 0 };
+    let machine = Machine { end, layout, boards, cycle: 0 };
     Wired { bus: Faulty::new(host, seed, Faults::NONE, Faults::NONE), machine }
 }
 
@@ -147,13 +148,14 @@ pub(crate) fn commission<B: Bus>(
         now = now + Span::us(100);
         now
     };
+    let settings = settings(wired.machine.layout, expected);
     let patience = CommissionSettings { reply_timeout: Span::ms(5), tries: 2 };
-    Drives::new(PERIOD, settings(expected)).expect("two nodes").commission(wired, patience, clock)
+    Drives::new(PERIOD, settings).expect("two nodes").commission(wired, patience, clock)
 }
 
 impl Rig {
-    pub(crate) fn new(sheet: Sheet) -> Self {
-        let mut wired = wired(sheet, 64, 7);
+    pub(crate) fn new(layout: Layout, sheet: Sheet) -> Self {
+        let mut wired = wired(layout, sheet, 64, 7);
         let drives = commission(&mut wired, sheet).unwrap_or_else(|error| panic!("{error}"));
         // Cycles start after commissioning, on the same clock.
         Self {

@@ -9,9 +9,9 @@ use quadrant::rt::bus::faulty::Faults;
 use quadrant::rt::bus::{Bus, Frame, Id, Received, SendError};
 use quadrant::rt::drive::Observation;
 use quadrant::rt::drive::state::Target;
-use quadrant::rt::wire::command::{self, RawCommand};
+use quadrant::rt::wire::command::RawCommand;
 use quadrant::rt::wire::scaling::TravelCounts;
-use quadrant::rt::wire::{Address, Node};
+use quadrant::rt::wire::{Address, Layout, Node};
 use rstest::rstest;
 
 use crate::rig::*;
@@ -22,9 +22,9 @@ fn true_position(axis: AxisId, cycle: u64, first: u64) -> Position {
     scale(axis).motor_position(TravelCounts::counts(travel))
 }
 
-#[test]
-fn positions_start_at_zero_and_go_on_over_the_wrap() {
-    let mut rig = Rig::new(SHEET);
+#[rstest]
+fn positions_start_at_zero_and_go_on_over_the_wrap(#[values(Layout::Fd, Layout::Classic)] layout: Layout) {
+    let mut rig = Rig::new(layout, SHEET);
     let first = rig.cycle + 1;
     for _ in 0..20 {
         let seen = rig.collect();
@@ -47,8 +47,11 @@ fn positions_start_at_zero_and_go_on_over_the_wrap() {
 #[case::repeat(Faults { repeat: 0.5, ..Faults::NONE })]
 #[case::reorder(Faults { reorder: 0.3, ..Faults::NONE })]
 #[case::all(Faults { drop: 0.1, delay: (0.1, Span::us(1_000)), repeat: 0.1, reorder: 0.1, ..Faults::NONE })]
-fn a_bad_bus_makes_samples_old_but_never_wrong(#[case] faults: Faults) {
-    let mut rig = Rig::new(SHEET);
+fn a_bad_bus_makes_samples_old_but_never_wrong(
+    #[values(Layout::Fd, Layout::Classic)] layout: Layout,
+    #[case] faults: Faults,
+) {
+    let mut rig = Rig::new(layout, SHEET);
     let first = rig.cycle + 1;
     rig.collect();
     rig.wired.bus.set(faults, Faults { drop: faults.drop, ..Faults::NONE });
@@ -103,9 +106,11 @@ fn a_bad_bus_makes_samples_old_but_never_wrong(#[case] faults: Faults) {
     }
 }
 
-#[test]
-fn flipped_bits_are_survived_and_every_cycle_is_accounted_for() {
-    let mut rig = Rig::new(SHEET);
+#[rstest]
+fn flipped_bits_are_survived_and_every_cycle_is_accounted_for(
+    #[values(Layout::Fd, Layout::Classic)] layout: Layout,
+) {
+    let mut rig = Rig::new(layout, SHEET);
     rig.wired.bus.set(Faults { flip_bit: 0.5, ..Faults::NONE }, Faults { flip_bit: 0.5, ..Faults::NONE });
     for _ in 0..3_000 {
         rig.collect();
@@ -116,9 +121,11 @@ fn flipped_bits_are_survived_and_every_cycle_is_accounted_for() {
     assert!(counts.late > 50, "a flipped cycle is an answer to another SYNC: {counts:?}");
 }
 
-#[test]
-fn a_stale_sample_is_right_again_after_travel_of_nearly_half_the_range() {
-    let mut rig = Rig::new(SHEET);
+#[rstest]
+fn a_stale_sample_is_right_again_after_travel_of_nearly_half_the_range(
+    #[values(Layout::Fd, Layout::Classic)] layout: Layout,
+) {
+    let mut rig = Rig::new(layout, SHEET);
     let first = rig.cycle + 1;
     rig.collect();
     let gap = i64::from(i32::MAX) / COUNTS_PER_PERIOD;
@@ -129,9 +136,11 @@ fn a_stale_sample_is_right_again_after_travel_of_nearly_half_the_range() {
     assert!(error_m_per_s.abs() < 1e-4, "skipped periods count: {error_m_per_s} m/s off, bound 0.0001 m/s");
 }
 
-#[test]
-fn before_the_first_answer_there_is_no_sample_and_waiting_has_an_age() {
-    let mut rig = Rig::new(SHEET);
+#[rstest]
+fn before_the_first_answer_there_is_no_sample_and_waiting_has_an_age(
+    #[values(Layout::Fd, Layout::Classic)] layout: Layout,
+) {
+    let mut rig = Rig::new(layout, SHEET);
     rig.board(Y).set_silent(true);
     let seen = rig.run(9, Current::ZERO, Target::Disabled);
     assert_eq!((seen[Y].sample.freshness, seen[Y].sample.age_cycles), (Freshness::Never, 9));
@@ -139,13 +148,13 @@ fn before_the_first_answer_there_is_no_sample_and_waiting_has_an_age() {
     assert_eq!(seen[X].sample.freshness, Freshness::Fresh, "one silent board does not take the other along");
 }
 
-#[test]
-fn frames_of_strangers_are_counted_and_change_nothing() {
-    let mut rig = Rig::new(SHEET);
+#[rstest]
+fn frames_of_strangers_are_counted_and_change_nothing(#[values(Layout::Fd, Layout::Classic)] layout: Layout) {
+    let mut rig = Rig::new(layout, SHEET);
     let before = rig.collect();
     let stranger = Node::new(9).expect("a node number");
     for frame in [
-        command::encode(stranger, &RawCommand::default()),
+        layout.command(stranger, &RawCommand::default()),
         Frame::classic(Address::Feedback(stranger).id(), [0; 8]),
         Frame::classic(Id::from_low_bits(0x000), [1, 0]),
     ] {
@@ -154,11 +163,11 @@ fn frames_of_strangers_are_counted_and_change_nothing() {
     rig.wired
         .machine
         .end
-        .send(&Frame::classic(Address::Feedback(node(X)).id(), [0; 8]))
+        .send(&Frame::classic(Address::Feedback(node(X)).id(), [0; 7]))
         .expect("room for a frame");
     let seen = rig.collect();
     assert_eq!(rig.drives.bus().foreign, 3);
-    assert_eq!(rig.seen[X].link.malformed, 1, "a feedback frame of 8 bytes");
+    assert_eq!(rig.seen[X].link.malformed, 1, "a feedback frame of 7 bytes");
     assert_eq!(seen[X].sample.raw.sequence, before[X].sample.raw.sequence + 1);
 }
 
@@ -174,18 +183,18 @@ impl Bus for Flooded {
     }
 }
 
-#[test]
-fn a_flooded_bus_cannot_hold_the_cycle() {
-    let mut drives = Rig::new(SHEET).drives;
+#[rstest]
+fn a_flooded_bus_cannot_hold_the_cycle(#[values(Layout::Fd, Layout::Classic)] layout: Layout) {
+    let mut drives = Rig::new(layout, SHEET).drives;
     let mut inputs = Inputs::default();
     let seen = drives.collect(&mut Flooded, 1, Moment::ZERO, &mut inputs);
     assert_eq!(seen[X].sample.freshness, Freshness::Never);
     assert_eq!(drives.bus().foreign, 64, "32 frames an axis");
 }
 
-#[test]
-fn a_sync_the_bus_refuses_is_reported_on_every_axis() {
-    let mut rig = Rig::new(SHEET);
+#[rstest]
+fn a_sync_the_bus_refuses_is_reported_on_every_axis(#[values(Layout::Fd, Layout::Classic)] layout: Layout) {
+    let mut rig = Rig::new(layout, SHEET);
     rig.collect();
     let filler = Frame::classic(Id::MAX, []);
     while rig.wired.bus.send(&filler).is_ok() {}

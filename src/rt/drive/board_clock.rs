@@ -55,16 +55,14 @@ impl BoardClock {
         }
     }
 
-    /// The time of which only the low half came, `periods` of the grid after the last latch.
-    pub(super) fn completed_us(&self, low_half: u16, periods: u32) -> u32 {
-        match self.last_us {
-            None => u32::from(low_half),
-            Some(last_us) => {
-                let expected_us = last_us.wrapping_add(self.expected_us(periods) as u32);
-                let off_us = low_half.wrapping_sub(expected_us as u16) as i16;
-                expected_us.wrapping_add_signed(i32::from(off_us))
-            }
-        }
+    /// The time of which only the low half came, `periods` of the grid after the last latch. `None`: no
+    /// clock that ran on shows this.
+    pub(super) fn completed_us(&self, low_half: u16, periods: u32) -> Option<u32> {
+        let Some(last_us) = self.last_us else { return Some(u32::from(low_half)) };
+        let expected_us = last_us.wrapping_add(self.expected_us(periods) as u32);
+        let off_us = low_half.wrapping_sub(expected_us as u16) as i16;
+        let has_run_on = i64::from(off_us).abs() <= self.slack_us(periods);
+        has_run_on.then_some(expected_us.wrapping_add_signed(i32::from(off_us)))
     }
 
     fn expected_us(&self, periods: u32) -> i64 {
@@ -98,11 +96,32 @@ mod tests {
 
     #[test]
     fn a_time_that_came_short_is_completed_to_the_nearest() {
-        assert_eq!(BoardClock::new(Span::us(500)).completed_us(9, 1), 9);
+        assert_eq!(BoardClock::new(Span::us(500)).completed_us(9, 1), Some(9));
         for time_us in [70_500_u32, 70_490, 131_072, 65_535, 65_536] {
             let before = clock(time_us.wrapping_sub(500));
-            assert_eq!(before.completed_us(time_us as u16, 1), time_us);
+            assert_eq!(before.completed_us(time_us as u16, 1), Some(time_us));
         }
-        assert_eq!(clock(u32::MAX).completed_us(499, 1), 499);
+        assert_eq!(clock(u32::MAX).completed_us(499, 1), Some(499));
+    }
+
+    #[test]
+    fn a_time_that_came_short_and_is_256_periods_old_does_not_fit() {
+        for period_us in [250, 500, 1_000, 2_000] {
+            let now_us = 300_000_u32;
+            let clock = BoardClock {
+                last_us: Some(now_us - period_us),
+                ..BoardClock::new(Span::us(i64::from(period_us)))
+            };
+            for off_us in [-999, 0, 999].map(|thousandths| thousandths * period_us as i32 / 1_000) {
+                let time_us = now_us.wrapping_add_signed(off_us);
+                assert_eq!(
+                    clock.completed_us(time_us as u16, 1),
+                    Some(time_us),
+                    "{period_us} us, {off_us} us"
+                );
+                let old_us = time_us.wrapping_sub(256 * period_us);
+                assert_eq!(clock.completed_us(old_us as u16, 1), None, "{period_us} us, {off_us} us");
+            }
+        }
     }
 }

@@ -4,7 +4,7 @@
 //! Invariant: an unusable frame changes counters and nothing else.
 
 use super::board_clock::{BoardClock, Step};
-use super::halves::{Halves, Piece};
+use super::halves::{Doubt, Halves, Piece};
 use super::liveness::{Judgement, Liveness, periods_between};
 use super::state::DriveState;
 use super::velocity::VelocityEstimator;
@@ -77,7 +77,16 @@ impl Link {
 
     /// A cycle has received all it will; pieces without their rest go to the inputs.
     pub(super) fn end(&mut self, cycle: u64, until: Moment, inputs: &mut Inputs) {
-        self.halves.end(cycle, inputs);
+        match self.halves.end(cycle, inputs) {
+            Doubt::None => {}
+            Doubt::Late => self.liveness.counts.late += 1,
+            // A boot-up message tells it too.
+            Doubt::Restart if self.observation.events.is_board_reset => {}
+            Doubt::Restart => {
+                self.clock.restart();
+                self.restarted();
+            }
+        }
         let sample = &mut self.observation.sample;
         sample.age_cycles = self.liveness.age_cycles(cycle);
         self.liveness.counts.missed += u32::from(sample.freshness != Freshness::Fresh);
@@ -115,14 +124,16 @@ impl Link {
             Layout::Classic if is_first => {
                 self.halves.take_motor(classic::decode_motor(frame)?, received, place, cycle)
             }
-            Layout::Classic => self.halves.take_table(classic::decode_table(frame)?, received, place, cycle),
+            Layout::Classic => {
+                let half = classic::decode_table(frame)?;
+                let periods = self.liveness.last_fresh().map_or(1, |fresh| periods_between(fresh, cycle));
+                let board_time_us = self.clock.completed_us(half.board_time_us, periods);
+                self.halves.take_table(half, board_time_us, received, place, cycle)
+            }
         };
         Ok(match piece {
-            Piece::Whole { motor, table, first_place } => {
-                let periods = self.liveness.last_fresh().map_or(1, |fresh| periods_between(fresh, cycle));
-                let board_time_us = self.clock.completed_us(table.board_time_us, periods);
-                let raw = classic::join(motor, table, board_time_us);
-                Whole::Feedback { raw, first_place }
+            Piece::Whole { motor, table, board_time_us, first_place } => {
+                Whole::Feedback { raw: classic::join(motor, table, board_time_us), first_place }
             }
             Piece::Held => Whole::Not(Taken::Held),
             Piece::Late => {
@@ -137,9 +148,12 @@ impl Link {
     }
 
     fn use_feedback(&mut self, raw: RawFeedback, arrival: Arrival, cycle: u64) -> Taken {
-        match self.liveness.judge(&raw, cycle) {
-            // Pieces that were joined stay with the link until the cycle ends.
-            Judgement::Unusable if self.layout == Layout::Classic => Taken::Held,
+        let judgement = match self.layout {
+            Layout::Fd => self.liveness.judge(&raw, cycle),
+            // What was joined answers this cycle, for the first time.
+            Layout::Classic => Judgement::Fresh { periods: self.liveness.accept(&raw, cycle) },
+        };
+        match judgement {
             Judgement::Unusable => Taken::Aside,
             Judgement::Fresh { periods } => {
                 self.halves.clear();
@@ -158,8 +172,7 @@ impl Link {
         let position = self.scale.motor_position(motor);
         let step = self.clock.latch(raw.board_time_us, periods);
         if step == Step::Jump {
-            self.liveness.restarted();
-            self.observation.events.is_board_reset = true;
+            self.restarted();
         }
         Sample {
             raw,
@@ -174,6 +187,12 @@ impl Link {
             table_position: self.scale.table_position(table),
             current: self.scale.current(CurrentCounts::ua(raw.current_ua)),
         }
+    }
+
+    /// The clock of the board began again.
+    fn restarted(&mut self) {
+        self.liveness.restarted();
+        self.observation.events.is_board_reset = true;
     }
 
     pub(super) fn take_heartbeat(&mut self, received: &Received) {

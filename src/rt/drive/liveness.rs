@@ -53,9 +53,14 @@ impl Liveness {
             self.counts.late += 1;
             return Judgement::Unusable;
         }
+        Judgement::Fresh { periods: self.accept(raw, cycle) }
+    }
+
+    /// Takes a feedback that is known to be new; the last one was so many periods ago.
+    pub(super) fn accept(&mut self, raw: &RawFeedback, cycle: u64) -> Option<u32> {
         self.counts.fresh += 1;
         let before = self.last.replace((cycle, raw.sequence));
-        Judgement::Fresh { periods: before.map(|(fresh, _)| periods_between(fresh, cycle)) }
+        before.map(|(fresh, _)| periods_between(fresh, cycle))
     }
 
     /// The last cycle with fresh feedback.
