@@ -5,7 +5,7 @@ mod common;
 #[path = "common/heap.rs"]
 mod heap;
 
-use common::{Rig, circle};
+use common::{Fate, Rig, circle};
 use heap::touched;
 use quadrant::base::motion::Direction;
 use quadrant::base::record::ModeTag;
@@ -13,16 +13,17 @@ use quadrant::base::units::Velocity;
 use quadrant::rt::control::profile::LineMotion;
 use quadrant::rt::cycle::pace::{Pace, Virtual};
 use quadrant::rt::door::{Order, Records, record_ring};
+use rstest::rstest;
 
 /// Cycles under guard.
 const CYCLES: u64 = 100_000;
 
-#[test]
-fn a_hundred_thousand_cycles_of_a_circle_touch_no_heap() {
-    let mut rig = Rig::new(common::machine("reference"), 9);
+#[rstest]
+fn a_hundred_thousand_cycles_of_a_circle_touch_no_heap(#[values("reference", "classic")] machine: &str) {
+    let mut rig = Rig::new(common::machine(machine), 9);
     rig.enable();
     let mut motion = circle(2000.0, Direction::Ccw);
-    motion.circle.revolutions = 3;
+    motion.circle.revolutions = 6;
     let (x, y) = motion.start();
     let mut target = rig.last.axes.map(|_, axis| axis.setpoint.position);
     (target[common::X], target[common::Y]) = (x, y);
@@ -32,6 +33,13 @@ fn a_hundred_thousand_cycles_of_a_circle_touch_no_heap() {
     rig.order(Order::Circle(motion));
     rig.order(Order::UseGains(1));
     rig.order(Order::UseGains(0));
+
+    // As often as is borne: what a cycle missed goes through other code.
+    let mut frames = 0_u32;
+    rig.line.incoming = Box::new(move |_| {
+        frames += 1;
+        if frames.is_multiple_of(997) { Fate::Lost } else { Fate::Pass }
+    });
 
     // Smaller than the run: a ring that runs full must not touch the heap either.
     let (mut near, mut far) = record_ring(1 << 10);
@@ -54,6 +62,8 @@ fn a_hundred_thousand_cycles_of_a_circle_touch_no_heap() {
     assert_eq!(after - before, 0, "allocations and frees in {CYCLES} cycles");
     assert!(told > 100, "{told} heartbeats on their way to the log");
     assert!(measured > 90_000, "{measured} cycles of a circle");
+    let missed: u32 = rig.last.axes.as_slice().iter().map(|axis| axis.link.missed).sum();
+    assert!(missed > 150, "{missed} cycles without fresh feedback");
     assert!(drained > 49_000 && near.lost() > 48_000, "the ring was drained and then ran full");
     assert!(rig.last.axes.as_slice().iter().all(|axis| axis.mode == ModeTag::Moving), "{:?}", rig.modes());
 }

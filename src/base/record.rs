@@ -101,15 +101,22 @@ pub struct LinkCounts {
     pub resets: u32,
 }
 
-/// When the feedback of a cycle came; not told apart from older ones where the sample is stale.
+/// How a frame came.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Arrival {
-    /// How many frames the cycle had received before its first piece; an answer of one piece has one place.
-    pub first_place: u8,
-    /// How many frames the cycle had received before its last piece.
+    /// How many frames its cycle had received before it.
     pub place: u8,
     /// When.
     pub at: Moment,
+}
+
+/// How the feedback of an axis came, the last that was used. On CAN FD one frame is both.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Arrivals {
+    /// The frame with the motor encoder.
+    pub motor: Arrival,
+    /// The frame with the table scale.
+    pub table: Arrival,
 }
 
 /// What a bus said to a frame that was handed to it.
@@ -170,8 +177,8 @@ pub struct AxisRecord {
     pub setpoint: Setpoint,
     /// What was measured.
     pub sample: Sample,
-    /// When it came.
-    pub arrival: Arrival,
+    /// How it came.
+    pub arrivals: Arrivals,
     /// How the link to the board fared.
     pub link: LinkCounts,
     /// What was commanded.

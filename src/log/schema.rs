@@ -18,7 +18,7 @@ use crate::base::units::{Acceleration, Current, Position, Torque, Velocity};
 use super::cdr::{Decoder, Sink, Wire};
 
 /// Version of the log format: of the tables in this file and of the header's keys.
-pub const VERSION: u32 = 2;
+pub const VERSION: u32 = 3;
 /// Where the cycles are.
 pub const TOPIC: &str = "/cycle";
 /// Name of their schema.
@@ -191,7 +191,8 @@ table!(AxisRecord as AXIS_FIELDS, put_axis, take_axis {
     integral_nm: f64 ["N m"] = command.terms.integral, "integral part of the velocity loop";
     friction_nm: f64 ["N m"] = command.terms.friction, "feed-forward of the friction law";
     inertia_nm: f64 ["N m"] = command.terms.inertia, "feed-forward of the moved inertia";
-    arrived_ns: i64 ["ns"] = arrival.at, "when the last fresh sample came, on the run's clock";
+    motor_arrived_ns: i64 ["ns"] = arrivals.motor.at, "when the last fresh sample came, on the run's clock; classic CAN: its frame of the motor";
+    table_arrived_ns: i64 ["ns"] = arrivals.table.at, "the same; classic CAN: its frame of the table";
     age_cycles: u32 ["cycles"] = sample.age_cycles, "cycles since the last fresh sample";
     raw_motor_counts: u32 ["counts"] = sample.raw.motor_counts, "motor encoder as received, wraps at 2^32";
     raw_table_counts: u32 ["counts"] = sample.raw.table_counts, "table scale as received, wraps at 2^32";
@@ -210,8 +211,8 @@ table!(AxisRecord as AXIS_FIELDS, put_axis, take_axis {
     control_word: u16 ["-"] = command.control_word, "CiA 402 control word (object 6040h)";
     raw_sequence: u8 ["-"] = sample.raw.sequence, "counts feedback frames, wraps at 256";
     raw_board_flags: u8 ["-"] = sample.raw.board_flags, "flags of the board";
-    arrival_first_place: u8 ["-"] = arrival.first_place, "how many frames that cycle had received before its first piece";
-    arrival_place: u8 ["-"] = arrival.place, "how many frames that cycle had received before its last piece";
+    motor_place: u8 ["-"] = arrivals.motor.place, "how many frames that cycle had received before it; classic CAN: before its frame of the motor";
+    table_place: u8 ["-"] = arrivals.table.place, "the same; classic CAN: before its frame of the table";
     freshness: u8 ["-"] = sample.freshness, "0 never heard, 1 fresh, 2 stale";
     mode: u8 ["-"] = mode, "0 off, 1 enabling, 2 ready, 3 moving, 4 stopping, 5 faulted";
     fault: u8 ["-"] = fault, "number of the fault, 0 none; see docs/faults";

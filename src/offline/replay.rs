@@ -191,12 +191,9 @@ pub fn frames_of<'a>(
 ) -> Vec<(u8, Received)> {
     let fresh = record.axes.iter().filter(|(_, row)| row.sample.freshness == Freshness::Fresh);
     let feedback = fresh.flat_map(|(axis, row)| {
-        let Arrival { first_place, place, at } = row.arrival;
         let pieces = layout.feedback(nodes[axis], &row.sample.raw);
-        [first_place, place]
-            .into_iter()
-            .zip(pieces)
-            .map(move |(place, frame)| (place, Received { frame, at }))
+        let arrivals = [row.arrivals.motor, row.arrivals.table].into_iter();
+        arrivals.zip(pieces).map(|(Arrival { place, at }, frame)| (place, Received { frame, at }))
     });
     let aside = inputs.iter().filter_map(|input| match input.what {
         What::Frame { place, received } => Some((place, received)),

@@ -19,6 +19,7 @@ use quadrant::rt::cycle::pace::{Slot, Virtual};
 use quadrant::rt::cycle::procedure::{CircleProcedure, CircleTest, Ending};
 use quadrant::rt::cycle::{Cycle, conduct};
 use quadrant::rt::door::{Order, Orders, Records};
+use quadrant::rt::wire::Address;
 use quadrant::sim::closed_loop::Wired;
 use quadrant::sim::rack::Rack;
 
@@ -124,6 +125,13 @@ pub(crate) fn run_circles_on(
 pub(crate) enum Fate {
     Pass,
     Lost,
+    /// Received twice.
+    Twice,
+    /// Received behind the next one.
+    Overtaken,
+    /// Received so many SYNCs later.
+    Later(u64),
+    /// Refused by a bus that has no room.
     Refused,
     /// Refused by a bus that is down.
     Down,
@@ -138,25 +146,47 @@ pub(crate) struct Line {
     pub(crate) outgoing: Hook,
     /// Sees each frame of the boards and may change it.
     pub(crate) incoming: Hook,
+    syncs: u64,
+    /// Frames held back, with the SYNC behind which they come.
+    held: Vec<(u64, Received)>,
+    overtaken: Option<Received>,
 }
 
 impl Bus for Line {
     fn send(&mut self, frame: &Frame) -> Result<(), SendError> {
         let mut frame = *frame;
+        self.syncs += u64::from(Address::of(frame.id()) == Some(Address::Sync));
         match (self.outgoing)(&mut frame) {
             Fate::Pass => self.wired.send(&frame),
             Fate::Lost => Ok(()),
+            fate @ (Fate::Twice | Fate::Overtaken | Fate::Later(_)) => panic!("no way to be {fate:?}"),
             Fate::Refused => Err(SendError::Full),
             Fate::Down => Err(SendError::Down),
         }
     }
     fn receive(&mut self, until: Moment) -> Option<Received> {
-        loop {
-            let mut received = self.wired.receive(until)?;
-            if (self.incoming)(&mut received.frame) == Fate::Pass {
-                return Some(received);
-            }
+        if let Some(place) = self.held.iter().position(|(due, _)| *due <= self.syncs) {
+            return Some(Received { at: until, ..self.held.remove(place).1 });
         }
+        while let Some(mut received) = self.wired.receive(until) {
+            match (self.incoming)(&mut received.frame) {
+                Fate::Lost => continue,
+                Fate::Twice => self.held.push((self.syncs, received)),
+                Fate::Overtaken => {
+                    self.held.extend(self.overtaken.replace(received).map(|earlier| (self.syncs, earlier)));
+                    continue;
+                }
+                Fate::Later(syncs) => {
+                    self.held.push((self.syncs + syncs, received));
+                    continue;
+                }
+                Fate::Pass => {}
+                fate @ (Fate::Refused | Fate::Down) => panic!("nobody can be told of {fate:?}"),
+            }
+            self.held.extend(self.overtaken.take().map(|earlier| (self.syncs, earlier)));
+            return Some(received);
+        }
+        self.overtaken.take()
     }
 }
 
@@ -202,7 +232,14 @@ impl Rig {
         let drives = wired.commission(drives).expect("boards like their sheets");
         let cycle = Cycle::new(machine.cycle_settings(), drives, control);
         let axes = machine.axes.count();
-        let line = Line { wired, outgoing: Box::new(|_| Fate::Pass), incoming: Box::new(|_| Fate::Pass) };
+        let line = Line {
+            wired,
+            outgoing: Box::new(|_| Fate::Pass),
+            incoming: Box::new(|_| Fate::Pass),
+            syncs: 0,
+            held: Vec::new(),
+            overtaken: None,
+        };
         let last = CycleRecord::empty(axes);
         Self {
             machine,

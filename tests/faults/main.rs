@@ -19,6 +19,7 @@ use quadrant::rt::drive::state::DriveState;
 use quadrant::rt::wire::command::{self, RawCommand};
 use quadrant::rt::wire::scaling::CurrentCounts;
 use quadrant::rt::wire::{Address, state};
+use rstest::rstest;
 
 use scenarios::{GENTLE, Scenario, Strikes, board, good_line, node, scenarios};
 
@@ -71,8 +72,8 @@ fn strike(rig: &mut Rig, scenario: &Scenario) -> Outcome {
     }
 }
 
-fn prepared(scenario: &Scenario) -> Rig {
-    let mut rig = Rig::new(machine_with("reference", scenario.edits), 4);
+fn prepared(machine: &str, scenario: &Scenario) -> Rig {
+    let mut rig = Rig::new(machine_with(machine, scenario.edits), 4);
     rig.run(20);
     match scenario.strikes {
         Strikes::Enabling => rig.order(Order::Enable),
@@ -127,13 +128,15 @@ fn recovers(rig: &mut Rig, scenario: &Scenario) {
     assert_eq!(rig.axis(X).mode, ModeTag::Ready, "{}: {:?}", scenario.name, rig.modes());
 }
 
-#[test]
-fn every_fault_is_raised_ends_without_current_and_is_cleared_by_order_only() {
+#[rstest]
+fn every_fault_is_raised_ends_without_current_and_is_cleared_by_order_only(
+    #[values("reference", "classic")] machine: &str,
+) {
     println!("| fault | scenario | named after | no current after | way |");
     println!("|---|---|---|---|---|");
     let all = scenarios();
     for scenario in &all {
-        let mut rig = prepared(scenario);
+        let mut rig = prepared(machine, scenario);
         let outcome = strike(&mut rig, scenario);
         let Outcome { named, unpowered, way_mm, mode_at_fault } = outcome;
         println!(
@@ -192,9 +195,9 @@ fn a_loop_that_comes_to_nan_gives_no_current_and_faults() {
     assert_eq!(rig.axis(Y).mode, ModeTag::Faulted);
 }
 
-#[test]
-fn single_lost_frames_are_borne_and_never_used_as_fresh() {
-    let mut rig = prepared(&GENTLE);
+#[rstest]
+fn single_lost_frames_are_borne_and_never_used_as_fresh(#[values("reference", "classic")] machine: &str) {
+    let mut rig = prepared(machine, &GENTLE);
     let count = Rc::new(Cell::new(0_u32));
     let seen = Rc::clone(&count);
     rig.line.incoming = Box::new(move |frame| {
@@ -217,9 +220,9 @@ fn single_lost_frames_are_borne_and_never_used_as_fresh() {
     assert!(stale >= 9, "{stale} stale samples");
 }
 
-#[test]
-fn when_the_host_dies_the_board_takes_the_current_away() {
-    let mut rig = prepared(&GENTLE);
+#[rstest]
+fn when_the_host_dies_the_board_takes_the_current_away(#[values("reference", "classic")] machine: &str) {
+    let mut rig = prepared(machine, &GENTLE);
     assert!(!is_unpowered(&mut rig));
     let start = rig.state(X).motor_position;
     // The next that is heard of any host is a SYNC a second later.
@@ -242,9 +245,10 @@ fn when_the_host_dies_the_board_takes_the_current_away() {
 }
 
 /// Commands that wait for a SYNC do not act; hearing them must not keep an old current alive.
-#[test]
-fn commands_that_never_act_do_not_feed_the_board_watchdog() {
-    let mut rig = prepared(&GENTLE);
+#[rstest]
+fn commands_that_never_act_do_not_feed_the_board_watchdog(#[values("reference", "classic")] machine: &str) {
+    let mut rig = prepared(machine, &GENTLE);
+    let layout = rig.machine.bus.layout;
     let mut at = rig.last.timing.scheduled;
     for sequence in 1..=42 {
         at = at + rig.machine.cycle.period;
@@ -253,7 +257,7 @@ fn commands_that_never_act_do_not_feed_the_board_watchdog() {
             mode_of_operation: command::CYCLIC_SYNCHRONOUS_TORQUE,
             ..RawCommand::default()
         };
-        board(&mut rig).hear(&command::encode(node(X), &raw), at);
+        board(&mut rig).hear(&layout.command(node(X), &raw), at);
     }
     assert_eq!(board(&mut rig).drive(), DriveState::QuickStopActive, "21 ms without a SYNC");
 }

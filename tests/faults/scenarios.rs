@@ -9,7 +9,7 @@ use quadrant::rt::bus::Frame;
 use quadrant::rt::door::Order;
 use quadrant::rt::wire::command::{self, RawCommand};
 use quadrant::rt::wire::scaling::{CurrentCounts, TravelCounts};
-use quadrant::rt::wire::{Address, Node, controller};
+use quadrant::rt::wire::{Address, Layout, Node, controller};
 
 use crate::common::{Fate, Rig, X, Y};
 
@@ -42,13 +42,14 @@ pub(crate) fn node(axis: AxisId) -> Node {
 
 /// Change each command to X.
 pub(crate) fn with_commands(rig: &mut Rig, mut change: impl FnMut(&mut RawCommand) -> Fate + 'static) {
+    let layout = rig.machine.bus.layout;
     rig.line.outgoing = Box::new(move |frame: &mut Frame| {
         if Address::of(frame.id()) != Some(Address::Command(node(X))) {
             return Fate::Pass;
         }
-        let mut raw = command::decode(frame).expect("the host sends whole commands");
+        let mut raw = layout.decode_command(frame).expect("the host sends whole commands");
         let fate = change(&mut raw);
-        *frame = command::encode(node(X), &raw);
+        *frame = layout.command(node(X), &raw);
         fate
     });
 }
@@ -109,6 +110,17 @@ pub(crate) fn scenarios() -> Vec<Scenario> {
         Scenario {
             name: "feedback frames lost",
             break_it: |rig| lose(rig, Address::Feedback(node(X))),
+            ..GENTLE
+        },
+        Scenario {
+            name: "last frames of each feedback lost",
+            break_it: |rig| {
+                let last = match rig.machine.bus.layout {
+                    Layout::Fd => Address::Feedback(node(X)),
+                    Layout::Classic => Address::FeedbackTable(node(X)),
+                };
+                lose(rig, last);
+            },
             ..GENTLE
         },
         Scenario {
@@ -228,9 +240,25 @@ pub(crate) fn scenarios() -> Vec<Scenario> {
             ..GENTLE
         },
         Scenario {
+            fault: Fault::BoardReset,
+            name: "board restarts, its boot-up message is lost",
+            break_it: |rig| {
+                let now = rig.last.timing.scheduled;
+                board(rig).set_silent(true);
+                board(rig).reset(now);
+                board(rig).set_silent(false);
+            },
+            afterwards: Some(Fault::BoardReset),
+            ..GENTLE
+        },
+        Scenario {
             fault: Fault::EncoderJump,
-            name: "encoder jumps by 1 mm",
-            break_it: |rig| board(rig).jump_encoder(TravelCounts::counts(104_858)),
+            name: "encoder jumps as if at 2 m/s",
+            break_it: |rig| {
+                let step_mm = 2_000.0 * rig.machine.cycle.period.as_s();
+                let counts_per_mm = f64::from(1 << 20) / 10.0;
+                board(rig).jump_encoder(TravelCounts::counts((step_mm * counts_per_mm) as i64));
+            },
             afterwards: Some(Fault::EncoderJump),
             ..GENTLE
         },
@@ -335,9 +363,10 @@ pub(crate) fn scenarios() -> Vec<Scenario> {
             fault: Fault::SecondHost,
             name: "another host's command",
             break_it: |rig| {
-                on_feedback(rig, |count, frame| {
+                let layout = rig.machine.bus.layout;
+                on_feedback(rig, move |count, frame| {
                     if count == 1 {
-                        *frame = command::encode(node(Y), &RawCommand::default());
+                        *frame = layout.command(node(Y), &RawCommand::default());
                     }
                     Fate::Pass
                 });

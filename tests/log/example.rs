@@ -10,7 +10,7 @@ use quadrant::base::axis::{AxisId, PerAxis};
 use quadrant::base::command::{Command, Limits, Terms};
 use quadrant::base::fault::Fault;
 use quadrant::base::record::{
-    Arrival, AxisRecord, BusRecord, CycleRecord, LinkCounts, ModeTag, Stage, Timing,
+    Arrival, Arrivals, AxisRecord, BusRecord, CycleRecord, LinkCounts, ModeTag, Stage, Timing,
 };
 use quadrant::base::sample::{Freshness, RawFeedback, Sample};
 use quadrant::base::setpoint::Setpoint;
@@ -64,7 +64,10 @@ pub(crate) fn record(axes: usize, cycle: u64) -> CycleRecord {
             table_position: Position::m(if axis == AxisId::X { f64::NAN } else { phase }),
             current: Current::a(phase.tan()),
         },
-        arrival: Arrival { first_place: 1, place: 1, at: at + Span::us(90) },
+        arrivals: Arrivals {
+            motor: Arrival { place: 1, at: at + Span::us(90) },
+            table: Arrival { place: 3, at: at + Span::us(140) },
+        },
         link: LinkCounts { fresh: cycle as u32, ..LinkCounts::default() },
         command: Command {
             current: Current::a(phase.sin() * 3.0),

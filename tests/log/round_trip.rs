@@ -5,7 +5,8 @@ use quadrant::base::axis::{AXES_MAX, PerAxis};
 use quadrant::base::command::{Command, Limits, Terms};
 use quadrant::base::fault::Fault;
 use quadrant::base::record::{
-    Arrival, AxisRecord, BusRecord, BusState, CycleRecord, LinkCounts, ModeTag, Refusal, Stage, Timing,
+    Arrival, Arrivals, AxisRecord, BusRecord, BusState, CycleRecord, LinkCounts, ModeTag, Refusal, Stage,
+    Timing,
 };
 use quadrant::base::sample::{Freshness, RawFeedback, Sample};
 use quadrant::base::setpoint::Setpoint;
@@ -66,11 +67,13 @@ fn any_bus() -> impl Strategy<Value = BusRecord> {
     )
 }
 
-fn any_link() -> impl Strategy<Value = (Arrival, LinkCounts)> {
-    (any::<(u8, u8, i64)>(), any::<[u32; 8]>()).prop_map(|((first_place, place, at_ns), counts)| {
+fn any_link() -> impl Strategy<Value = (Arrivals, LinkCounts)> {
+    let arrival = || any::<(u8, i64)>().prop_map(|(place, at_ns)| Arrival { place, at: Moment::ns(at_ns) });
+    let arrivals = (arrival(), arrival()).prop_map(|(motor, table)| Arrivals { motor, table });
+    (arrivals, any::<[u32; 8]>()).prop_map(|(arrivals, counts)| {
         let [fresh, missed, late, repeated, malformed, heartbeats, emergencies, resets] = counts;
         let counts = LinkCounts { fresh, missed, late, repeated, malformed, heartbeats, emergencies, resets };
-        (Arrival { first_place, place, at: Moment::ns(at_ns) }, counts)
+        (arrivals, counts)
     })
 }
 
@@ -101,7 +104,7 @@ fn any_axis() -> impl Strategy<Value = AxisRecord> {
         any::<(u8, u32, u16)>(),
     );
     (raw, any_link(), codes, proptest::array::uniform16(float())).prop_map(
-        |(raw, (arrival, link), codes, f)| {
+        |(raw, (arrivals, link), codes, f)| {
             let (mode, fault, freshness, limits, (gain_set, age_cycles, control_word)) = codes;
             AxisRecord {
                 mode,
@@ -121,7 +124,7 @@ fn any_axis() -> impl Strategy<Value = AxisRecord> {
                     table_position: Position::m(f[5]),
                     current: Current::a(f[6]),
                 },
-                arrival,
+                arrivals,
                 link,
                 command: Command {
                     current: Current::a(f[7]),

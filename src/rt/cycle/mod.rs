@@ -259,7 +259,7 @@ impl Cycle {
             row.gain_set = self.loops[axis].gain_set();
             row.setpoint = self.profile.setpoints()[axis];
             row.sample = observed[axis].sample;
-            row.arrival = observed[axis].arrival;
+            row.arrivals = observed[axis].arrivals;
             row.link = observed[axis].link;
             row.command = self.commands[axis];
         }

@@ -7,6 +7,7 @@
 //! Invariant: what is joined answers this cycle's SYNC; nothing is kept beyond the cycle.
 
 use crate::base::input::{Input, Inputs, What};
+use crate::base::record::{Arrival, Arrivals};
 use crate::rt::bus::Received;
 use crate::rt::wire::classic::{MotorHalf, TableHalf};
 
@@ -16,6 +17,12 @@ struct Kept<T> {
     half: T,
     place: u8,
     received: Received,
+}
+
+impl<T> Kept<T> {
+    const fn arrival(&self) -> Arrival {
+        Arrival { place: self.place, at: self.received.at }
+    }
 }
 
 /// A table half and the board time that it is short for.
@@ -41,13 +48,7 @@ pub(super) enum Piece {
     /// The other one is still to come.
     Held,
     /// The other one was there.
-    Whole {
-        motor: MotorHalf,
-        table: TableHalf,
-        board_time_us: u32,
-        /// Place of the one that came first.
-        first_place: u8,
-    },
+    Whole { motor: MotorHalf, table: TableHalf, board_time_us: u32, arrivals: Arrivals },
     /// Of another cycle.
     Late,
     /// Here already.
@@ -117,7 +118,7 @@ impl Halves {
                 motor: motor.half,
                 table: table.half.half,
                 board_time_us: table.half.board_time_us,
-                first_place: motor.place.min(table.place),
+                arrivals: Arrivals { motor: motor.arrival(), table: table.arrival() },
             },
             _ => Piece::Held,
         }

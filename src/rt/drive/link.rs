@@ -11,7 +11,7 @@ use super::velocity::VelocityEstimator;
 use super::{DriveSettings, Events, Observation, Taken};
 use crate::base::command::Command;
 use crate::base::input::Inputs;
-use crate::base::record::Arrival;
+use crate::base::record::{Arrival, Arrivals};
 use crate::base::sample::{Freshness, RawFeedback, Sample};
 use crate::base::time::{Moment, Span};
 use crate::rt::bus::{Frame, Received};
@@ -97,9 +97,7 @@ impl Link {
     /// Takes a feedback frame; whether it is the answer this cycle waits for.
     pub(super) fn take_feedback(&mut self, received: &Received, place: u8, cycle: u64) -> Taken {
         match self.whole(received, place, cycle) {
-            Ok(Whole::Feedback { raw, first_place }) => {
-                self.use_feedback(raw, Arrival { first_place, place, at: received.at }, cycle)
-            }
+            Ok(Whole::Feedback { raw, arrivals }) => self.use_feedback(raw, arrivals, cycle),
             Ok(Whole::Not(taken)) => taken,
             Err(_unreadable) => {
                 self.liveness.counts.malformed += 1;
@@ -114,7 +112,9 @@ impl Link {
         let is_first = Address::of(frame.id()) == Some(Address::Feedback(self.node));
         let piece = match self.layout {
             Layout::Fd if is_first => {
-                return feedback::decode(frame).map(|raw| Whole::Feedback { raw, first_place: place });
+                let arrival = Arrival { place, at: received.at };
+                let arrivals = Arrivals { motor: arrival, table: arrival };
+                return feedback::decode(frame).map(|raw| Whole::Feedback { raw, arrivals });
             }
             // On FD nobody has a second frame to send.
             Layout::Fd => {
@@ -132,8 +132,8 @@ impl Link {
             }
         };
         Ok(match piece {
-            Piece::Whole { motor, table, board_time_us, first_place } => {
-                Whole::Feedback { raw: classic::join(motor, table, board_time_us), first_place }
+            Piece::Whole { motor, table, board_time_us, arrivals } => {
+                Whole::Feedback { raw: classic::join(motor, table, board_time_us), arrivals }
             }
             Piece::Held => Whole::Not(Taken::Held),
             Piece::Late => {
@@ -147,7 +147,7 @@ impl Link {
         })
     }
 
-    fn use_feedback(&mut self, raw: RawFeedback, arrival: Arrival, cycle: u64) -> Taken {
+    fn use_feedback(&mut self, raw: RawFeedback, arrivals: Arrivals, cycle: u64) -> Taken {
         let judgement = match self.layout {
             Layout::Fd => self.liveness.judge(&raw, cycle),
             // What was joined answers this cycle, for the first time.
@@ -158,7 +158,7 @@ impl Link {
             Judgement::Fresh { periods } => {
                 self.halves.clear();
                 self.observation.sample = self.sample(raw, periods.unwrap_or(1));
-                self.observation.arrival = arrival;
+                self.observation.arrivals = arrivals;
                 self.observation.drive = DriveState::decode(raw.status_word);
                 self.observation.events.board_flags = BoardFlags::from_bits(raw.board_flags);
                 Taken::Fresh
@@ -239,7 +239,7 @@ impl Link {
 /// A feedback frame, seen for what it completes.
 enum Whole {
     /// Everything is there.
-    Feedback { raw: RawFeedback, first_place: u8 },
+    Feedback { raw: RawFeedback, arrivals: Arrivals },
     /// Nothing to use.
     Not(Taken),
 }

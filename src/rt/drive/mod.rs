@@ -35,7 +35,7 @@ use crate::base::axis::{AXES_MAX, AxisId, PerAxis};
 use crate::base::command::Command;
 use crate::base::frame::{Frame, Id};
 use crate::base::input::{Input, Inputs, What};
-use crate::base::record::{Arrival, BusRecord, BusState, LinkCounts, Refusal};
+use crate::base::record::{Arrivals, BusRecord, BusState, LinkCounts, Refusal};
 use crate::base::sample::Sample;
 use crate::base::time::{Moment, Span};
 
@@ -61,8 +61,8 @@ pub struct DriveSettings {
 pub struct Observation {
     /// What was measured; the last values if nothing fresh came.
     pub sample: Sample,
-    /// When it came.
-    pub arrival: Arrival,
+    /// How it came.
+    pub arrivals: Arrivals,
     /// How the link fared.
     pub link: LinkCounts,
     /// State of the drive when last heard; `None` before that, or if its status word means nothing.
