@@ -10,6 +10,8 @@ pub mod sim; //     the machine in memory
 pub mod config; //  machine files become checked settings
 #[cfg(feature = "log")]
 pub mod log; //     records to MCAP and back: where online and offline meet
+#[cfg(feature = "run")]
+pub mod run; //     what a run needs before its first cycle
 #[cfg(feature = "service")]
 pub mod service; // the daemon around the cycle
 #[cfg(feature = "offline")]

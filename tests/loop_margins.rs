@@ -43,7 +43,7 @@ fn growth(machine: &Machine, set: u8, factor: f64) -> f64 {
     for n in 0..ticks {
         let state = plant.state();
         latch.feed(Knot { position: state.motor_position, velocity: state.motor_velocity });
-        let velocity = estimator.advance(latch.position(), 1);
+        let velocity = estimator.advance(latch.position(Span::ZERO), 1);
         let kick = if n == 10 { Velocity::mm_per_s(1.0) } else { Velocity::ZERO };
         let error = (kick - velocity).as_m_per_s() * rad_per_m;
         let parts = velocity_loop.step(error, Torque::ZERO, Torque::nm(1e12));

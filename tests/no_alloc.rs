@@ -2,11 +2,11 @@
 //! whole loop in memory: cycle, record ring, and the simulated machine that answers in the same thread.
 
 mod common;
-
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
+#[path = "common/heap.rs"]
+mod heap;
 
 use common::{Fate, Rig, circle};
+use heap::touched;
 use quadrant::base::motion::Direction;
 use quadrant::base::record::ModeTag;
 use quadrant::base::units::Velocity;
@@ -17,52 +17,6 @@ use rstest::rstest;
 
 /// Cycles under guard.
 const CYCLES: u64 = 100_000;
-
-/// Counts what this thread allocates and frees.
-struct Counting;
-
-thread_local! {
-    // Constant and without a destructor, so that reading it allocates nothing.
-    static TOUCHED: Cell<u64> = const { Cell::new(0) };
-}
-
-fn count() {
-    // The allocator outlives the thread's locals; what comes after them is not ours.
-    let _gone = TOUCHED.try_with(|touched| touched.set(touched.get() + 1));
-}
-
-#[expect(unsafe_code, reason = "an allocator is unsafe to implement; all of it is handed to the system's")]
-// SAFETY: every call goes to `System` unchanged.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        count();
-        unsafe { System.alloc(layout) }
-    }
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        count();
-        unsafe { System.dealloc(pointer, layout) }
-    }
-    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        count();
-        unsafe { System.realloc(pointer, layout, size) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
-
-fn touched() -> u64 {
-    TOUCHED.get()
-}
-
-#[test]
-fn the_guard_sees_one_allocation() {
-    let before = touched();
-    let boxed = std::hint::black_box(Box::new(7_u64));
-    assert_eq!(touched() - before, 1);
-    drop(boxed);
-    assert_eq!(touched() - before, 2);
-}
 
 #[rstest]
 fn a_hundred_thousand_cycles_of_a_circle_touch_no_heap(#[values("reference", "classic")] machine: &str) {

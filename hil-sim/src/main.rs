@@ -1,30 +1,26 @@
-//! The machine without metal, at the CAN frame: what the host sends comes in as candump lines, what the
-//! boards answer goes out as candump lines.
+//! The machine without metal, at the CAN frame: on a CAN interface, or as a filter of candump lines.
 //!
 //! ```text
+//!   hil-sim --bus vcan0 --pace virtual
 //!   hil-sim --machine reference < host.log > boards.log
 //! ```
 //!
-//! Time is that of the SYNCs: with the one of cycle `k` the simulated axes move on to cycle `k`, so a
-//! session replayed twice gives the same frames to the bit.
-//! Invariant: boards, drives and plant are those of `quadrant::sim`; this file only moves text.
+//! In virtual pace time is that of the SYNCs: with the one of cycle `k` the simulated axes move on to cycle
+//! `k`, so a session replayed twice gives the same frames to the bit. In realtime pace it is the wall clock's.
+//! Invariant: boards, drives and plant are those of `quadrant::sim`; this program only moves frames.
 
 mod dump;
+mod filter;
+mod live;
+mod served;
 
-use std::io::{self, BufWriter, Write};
 use std::process::ExitCode;
 
-use anyhow::Context;
-use clap::Parser;
-use quadrant::base::time::Moment;
+use clap::{Parser, ValueEnum};
 use quadrant::config;
-use quadrant::rt::bus::{Bus, memory};
 
-/// Frames that cross between text and boards at once.
-const BUS_FRAMES: usize = 256;
-
-/// Boards, drives and axes of a machine: reads the host's frames as candump lines from standard input,
-/// writes the boards' frames as candump lines to standard output.
+/// Boards, drives and axes of a machine on a CAN interface; without one, as a filter: reads the host's frames
+/// as candump lines from standard input, writes the boards' frames as candump lines to standard output.
 #[derive(Debug, Parser)]
 #[command(name = "hil-sim", version, about, max_term_width = 100)]
 struct Arguments {
@@ -34,6 +30,20 @@ struct Arguments {
     /// Seed of everything random: encoder counters at power-on, noise
     #[arg(long, default_value_t = 1, value_name = "N")]
     seed: u64,
+    /// CAN interface to serve, until SIGINT or SIGTERM
+    #[arg(long, value_name = "INTERFACE")]
+    bus: Option<String>,
+    /// How time passes on the interface
+    #[arg(long, value_enum, default_value_t = Pace::Virtual, requires = "bus")]
+    pace: Pace,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Pace {
+    /// With the SYNCs of the host, in lock step with it
+    Virtual,
+    /// With the wall clock, whether or not a host speaks
+    Realtime,
 }
 
 fn main() -> ExitCode {
@@ -48,20 +58,8 @@ fn main() -> ExitCode {
 
 fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let machine = config::load(&arguments.machine)?;
-    let mut rack = machine.rack(arguments.seed);
-    let (mut host, mut boards) = memory::pair(BUS_FRAMES);
-    let mut lines = dump::Lines::new(io::stdin().lock());
-    let mut out = BufWriter::new(io::stdout().lock());
-    while let Some(line) = lines.next_frame()? {
-        host.send(&line.frame).context("the bus to the boards")?;
-        rack.serve(&mut boards);
-        while let Some(answer) = host.receive(Moment::ZERO) {
-            // A reader that has gone away ends the session.
-            match dump::write(&mut out, line.time_us, &line.interface, &answer.frame) {
-                Err(error) if error.kind() == io::ErrorKind::BrokenPipe => return Ok(()),
-                written => written.context("standard output")?,
-            }
-        }
+    match (&arguments.bus, arguments.pace) {
+        (Some(interface), pace) => served::run(&machine, arguments.seed, interface, pace == Pace::Realtime),
+        (None, _) => filter::run(&machine, arguments.seed),
     }
-    out.flush().context("standard output")
 }

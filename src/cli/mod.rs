@@ -6,6 +6,7 @@
 
 mod check;
 mod circle;
+mod latency;
 mod log;
 mod replay;
 mod view;
@@ -17,9 +18,8 @@ use anyhow::Context;
 use clap::{Parser, Subcommand};
 
 use crate::config::{self, LoadError, Machine};
-
-/// Version and commit, as in logs and reports.
-pub const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), " (", env!("QUADRANT_COMMIT"), ")");
+use crate::log::size_limit;
+use crate::run::VERSION;
 
 /// Circular tests, checks and logs of ball-screw axes.
 #[derive(Debug, Parser)]
@@ -39,6 +39,8 @@ enum Verb {
     Check(check::Arguments),
     /// Summarise, export or recover a log
     Log(log::Arguments),
+    /// Show where the time of the periods went, in a log or measured here and now
+    Latency(latency::Arguments),
     /// Run the recorded inputs of a log through today's code: the same must come out, bit for bit
     Replay(replay::Arguments),
 }
@@ -57,10 +59,14 @@ enum Outcome {
 /// Entry point of `quadrant`.
 pub fn main() -> ExitCode {
     let arguments = Arguments::parse();
+    if let Err(errno) = size_limit::is_an_error() {
+        eprintln!("a log that reaches the size limit of files would end the tool: {errno}");
+    }
     let outcome = match arguments.verb {
         Verb::Circle(arguments) => circle::run(&arguments),
         Verb::Check(arguments) => check::run(&arguments),
         Verb::Log(arguments) => log::run(&arguments),
+        Verb::Latency(arguments) => latency::run(&arguments),
         Verb::Replay(arguments) => replay::run(&arguments),
     };
     match outcome {

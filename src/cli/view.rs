@@ -2,6 +2,7 @@
 
 use comfy_table::{CellAlignment, Table, presets};
 
+use crate::log::timing::Share;
 use crate::log::{Header, Summary};
 use crate::offline::check::{MachineReport, Row};
 use crate::offline::circle::{CircularTest, PointAnalysis, Quadrant};
@@ -19,6 +20,16 @@ fn table(heads: &[&str]) -> Table {
 
 fn um(value: f64) -> String {
     format!("{value:.2}")
+}
+
+/// Percentiles of the shares of a period.
+pub(super) fn latency_table(shares: &[Share]) -> String {
+    let mut rows = table(&["us", "p50", "p99", "p99.9", "p99.99", "max"]);
+    for Share { name, percentiles: told, .. } in shares {
+        let us = [told.p50_us, told.p99_us, told.p99_9_us, told.p99_99_us, told.max_us];
+        rows.add_row(std::iter::once(name.clone()).chain(us.map(|us| format!("{us:.1}"))));
+    }
+    rows.to_string()
 }
 
 /// Result of a circular test.

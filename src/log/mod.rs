@@ -31,8 +31,10 @@ pub mod reader;
 pub mod recover;
 mod salvage;
 pub mod schema;
+pub mod size_limit;
 mod stream;
 pub mod summary;
+pub mod timing;
 pub mod writer;
 
 pub use error::LogError;

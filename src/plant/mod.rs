@@ -90,6 +90,8 @@ struct Body {
 /// One axis in motion.
 #[derive(Clone, Debug)]
 pub struct Plant {
+    tick: Span,
+    fine_steps: u32,
     force_per_current: f64,
     peak_a: f64,
     /// Commands on their way through the dead time, newest first, as forces in N.
@@ -112,11 +114,23 @@ impl Plant {
 
     /// The same with another number of fine steps in a tick: the convergence benchmark and tests.
     pub fn with_fine_steps(axis: &Parameters, tick: Span, fine_steps: u32) -> Self {
+        Self::from_state(axis, tick, fine_steps, [0.0; 5], 0.0, Gap::new(axis.mechanics.backlash_m))
+    }
+
+    fn from_state(
+        axis: &Parameters,
+        tick: Span,
+        fine_steps: u32,
+        motion: Motion,
+        slide: f64,
+        gap: Gap,
+    ) -> Self {
         let dead_ticks = (axis.actuator.dead_time / tick) as usize;
         assert!(dead_ticks < DEAD_TICKS_MAX, "dead time of more than {DEAD_TICKS_MAX} ticks");
         let late_by_s = (axis.actuator.dead_time - tick * dead_ticks as i64).as_s();
-        let gap = Gap::new(axis.mechanics.backlash_m);
         Self {
+            tick,
+            fine_steps,
             force_per_current: axis.actuator.torque_constant_nm_per_a * axis.mechanics.force_per_torque(),
             peak_a: axis.actuator.peak_current.as_a(),
             pending_n: [0.0; DEAD_TICKS_MAX + 1],
@@ -127,11 +141,27 @@ impl Plant {
                 law: Law::new(axis.friction),
                 stiffness_n_per_m: axis.mechanics.stiffness_n_per_m,
                 damping_n_s_per_m: axis.mechanics.damping_n_s_per_m,
-                motion: [0.0; 5],
-                slide: 0.0,
+                motion,
+                slide,
                 gap,
             },
         }
+    }
+
+    /// Become another axis in the middle of its motion: positions, velocities, motor force and the
+    /// deflection of the screw stay as they are, and so do the commands in the dead time.
+    ///
+    /// # Panics
+    /// When the dead time is not that of this axis.
+    pub fn change(&mut self, axis: &Parameters) {
+        let Body { motion, slide, gap, .. } = self.body;
+        let gap = gap.resized(axis.mechanics.backlash_m, motion[0]);
+        let changed = Self::from_state(axis, self.tick, self.fine_steps, motion, slide, gap);
+        assert_eq!(
+            changed.dead_ticks, self.dead_ticks,
+            "a dead time does not change while commands are in it"
+        );
+        *self = Self { pending_n: self.pending_n, ..changed };
     }
 
     /// What it does now.

@@ -217,3 +217,32 @@ fn the_drive_makes_no_more_than_its_peak() {
     }
     assert_near("current", plant.state().current.as_a(), -60.0, 1e-9, "A");
 }
+
+#[test]
+fn an_axis_that_changes_on_its_way_does_not_jump() {
+    let axis = paper_axis();
+    let mut other = axis;
+    other.mechanics.mass_kg *= 2.0;
+    other.mechanics.backlash_m = 20e-6;
+    other.friction.breakaway = other.friction.breakaway * 0.5;
+    other.friction.sliding = other.friction.sliding * 0.5;
+    // While the table sticks, as it begins to slide, and at speed.
+    for ticks in [3, 12, 400] {
+        let mut stays = Plant::new(&axis, TICK);
+        for _ in 0..ticks {
+            stays.step(Current::a(4.0));
+        }
+        let mut changes = stays.clone();
+        changes.change(&other);
+        assert_eq!(changes.state(), stays.state(), "after {ticks} ticks");
+        let mut apart_um = || {
+            stays.step(Current::a(4.0));
+            changes.step(Current::a(4.0));
+            (changes.state().motor_position - stays.state().motor_position).abs().as_um()
+        };
+        let first_um = apart_um();
+        assert!(first_um < 0.05, "{first_um} um apart one tick after the change at {ticks} ticks");
+        let later_um = (0..100).map(|_| apart_um()).fold(0.0, f64::max);
+        assert!(later_um > 1.0, "{later_um} um apart later: the change does not act");
+    }
+}

@@ -11,6 +11,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use crate::base::input::{INPUTS_MAX, Input, Inputs};
 pub use crate::base::order::Order;
 use crate::base::record::CycleRecord;
+use crate::base::time::Span;
 
 /// Where orders come from: the ring from outside, or a procedure that runs beside the cycle.
 pub trait Orders {
@@ -37,6 +38,8 @@ pub struct RecordRing {
     lost: Arc<AtomicU64>,
     cycles: Arc<AtomicU64>,
     overruns: Arc<AtomicU64>,
+    wake_error_max: Span,
+    wake_error_ns_max: Arc<AtomicU64>,
 }
 
 /// The other end: records to be written, and the counters shared with the cycle.
@@ -52,6 +55,8 @@ pub struct RecordDrain {
     pub cycles: Arc<AtomicU64>,
     /// Periods skipped so far.
     pub overruns: Arc<AtomicU64>,
+    /// The latest wake-up so far, ns from its place on the grid.
+    pub wake_error_ns_max: Arc<AtomicU64>,
 }
 
 /// Inputs on their way: seconds of a bus on which every frame is a stray one.
@@ -60,16 +65,18 @@ const RING_INPUTS: usize = 4_096;
 /// A ring for `capacity` records.
 pub fn record_ring(capacity: usize) -> (RecordRing, RecordDrain) {
     let (producer, consumer) = rtrb::RingBuffer::new(capacity);
-    let (inputs_producer, inputs_consumer) = rtrb::RingBuffer::new(RING_INPUTS);
-    let [lost, cycles, overruns] = [(); 3].map(|()| Arc::new(AtomicU64::new(0)));
+    let (inputs_producer, inputs) = rtrb::RingBuffer::new(RING_INPUTS);
+    let [lost, cycles, overruns, wake_error_ns_max] = [(); 4].map(|()| Arc::new(AtomicU64::new(0)));
     let near = RecordRing {
         ring: producer,
         inputs: inputs_producer,
         lost: Arc::clone(&lost),
         cycles: Arc::clone(&cycles),
         overruns: Arc::clone(&overruns),
+        wake_error_max: Span::ZERO,
+        wake_error_ns_max: Arc::clone(&wake_error_ns_max),
     };
-    (near, RecordDrain { ring: consumer, inputs: inputs_consumer, lost, cycles, overruns })
+    (near, RecordDrain { ring: consumer, inputs, lost, cycles, overruns, wake_error_ns_max })
 }
 
 impl RecordRing {
@@ -98,6 +105,11 @@ impl Records for RecordRing {
         }
         self.cycles.fetch_add(1, Ordering::Relaxed);
         self.overruns.store(record.overruns, Ordering::Relaxed);
+        let wake_error = record.timing.woke - record.timing.scheduled;
+        if wake_error > self.wake_error_max {
+            self.wake_error_max = wake_error;
+            self.wake_error_ns_max.store(wake_error.as_ns().unsigned_abs(), Ordering::Relaxed);
+        }
     }
     fn lost(&self) -> u64 {
         self.lost.load(Ordering::Relaxed)
@@ -122,6 +134,17 @@ impl<A: Records, B: Records> Records for Both<A, B> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_latest_wake_up_is_shared() {
+        let (mut near, far) = record_ring(8);
+        for late_us in [3, 40, 7] {
+            let mut record = CycleRecord::empty(2);
+            record.timing.woke = record.timing.scheduled + Span::us(late_us);
+            near.put(&record, &Inputs::default());
+        }
+        assert_eq!(far.wake_error_ns_max.load(Ordering::Relaxed), 40_000);
+    }
 
     #[test]
     fn a_full_ring_counts_and_keeps_the_oldest() {

@@ -53,14 +53,22 @@ impl Wired {
         &mut self,
         drives: Drives<Configuring>,
     ) -> Result<Drives<Operational>, CommissionError> {
-        // The rack answers at once or never: a clock that jumps ends a wait without an answer soon.
-        let mut now = Moment::ZERO;
-        let clock = || {
-            now = now + Span::ms(10);
-            now
-        };
-        drives.commission(self, CommissionSettings::default(), clock)
+        commission(self, drives)
     }
+}
+
+/// Commission drives over a bus in virtual time.
+pub fn commission<B: Bus>(
+    bus: &mut B,
+    drives: Drives<Configuring>,
+) -> Result<Drives<Operational>, CommissionError> {
+    // The rack answers at once or never: a clock that jumps ends a wait without an answer soon.
+    let mut now = Moment::ZERO;
+    let clock = || {
+        now = now + Span::ms(10);
+        now
+    };
+    drives.commission(bus, CommissionSettings::default(), clock)
 }
 
 /// Records that are waited for: in virtual time nothing needs to be lost.

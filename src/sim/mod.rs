@@ -4,5 +4,8 @@
 //! Invariant: no wall clock, no socket; everything random has a seed.
 
 pub mod board; //       a board and its drive, seen from the bus
-pub mod rack; //        all boards of a machine, each with its plant
+mod axis; //            a board, its plant and the sensors between them
+pub mod rack; //        all boards of a machine, in virtual time
+pub mod live_rack; //   the same on the wall clock
 pub mod closed_loop; // the shipped cycle and a rack in one process
+pub mod session; //     a rack behind a bus of another process

@@ -4,6 +4,9 @@
 //! Every cycle is timed by itself. The boards of a rack answer outside of the timed part, so the caches
 //! are as used as a working machine leaves them. What two reads of the clock cost is measured and
 //! subtracted.
+//!
+//! `cargo bench --bench cycle -- --paced` runs the same at 1 kHz on the wall clock, its thread prepared for
+//! real time: the caches are then what a sleeping machine leaves. `tests/bench/beside_linuxcnc` uses it.
 
 use std::time::Instant;
 
@@ -12,14 +15,15 @@ use std::time::Instant;
 mod circle_run;
 
 use circle_run::{SEED, paper_circle, procedure, wired};
-use quadrant::base::time::Moment;
+use quadrant::base::time::{Moment, Span};
 use quadrant::config::{self, Machine};
 use quadrant::rt::bus::memory::{self, End};
 use quadrant::rt::bus::{Bus, Frame};
 use quadrant::rt::cycle::Cycle;
-use quadrant::rt::cycle::pace::{Pace, Virtual};
+use quadrant::rt::cycle::pace::{Pace, Virtual, Wall, monotonic_now};
 use quadrant::rt::cycle::procedure::CircleProcedure;
 use quadrant::rt::door::{Orders, RecordDrain, RecordRing, Records, record_ring};
+use quadrant::rt::thread::{Process, Thread};
 use quadrant::rt::wire::command;
 use quadrant::sim::rack::Rack;
 
@@ -29,20 +33,39 @@ const REVOLUTIONS: u32 = 4;
 const CAPACITY: usize = 64;
 const AXES: usize = 2;
 
+/// Turns of the circle in a paced run: 28 s each.
+const REVOLUTIONS_PACED: u32 = 1;
+
 fn main() {
-    let machine = config::load("reference").expect("the embedded machine is right");
     let clock_ns = clock_cost_ns();
+    if std::env::args().any(|argument| argument == "--paced") {
+        return paced(clock_ns);
+    }
+    let machine = config::load("reference").expect("the embedded machine is right");
     println!(
         "two axes on the reference circle, {REVOLUTIONS} turns; two clock reads cost {clock_ns} ns, subtracted"
     );
-    let mut bench = Bench::new(&machine);
+    let pace = Virtual::new(machine.cycle.period);
+    let mut bench = Bench::new(&machine, pace, REVOLUTIONS);
     bench.run();
     report("host cycle: frames in to frames out, record in the ring", &mut bench.host_ns, clock_ns);
     report("whole cycle in memory: boards, plants and ring too", &mut bench.whole_ns, clock_ns);
 }
 
+/// At 1 kHz on the wall clock.
+fn paced(clock_ns: u64) {
+    let machine = config::load("classic").expect("the embedded machine is right");
+    let _process = Process::prepare();
+    let thread = Thread::prepare(&machine.real_time);
+    let pace = Wall::starting_at(monotonic_now() + Span::ms(20), machine.cycle.period);
+    let mut bench = Bench::new(&machine, pace, REVOLUTIONS_PACED);
+    bench.run();
+    println!("paced at {} us, {:?}", machine.cycle.period.as_us(), thread.scheduling);
+    report("host cycle: frames in to frames out, record in the ring", &mut bench.host_ns, clock_ns);
+}
+
 /// The host at one end, the rack at the other, and between them this bench, which carries the frames.
-struct Bench {
+struct Bench<P> {
     host: End,
     host_far: End,
     machine: End,
@@ -50,15 +73,15 @@ struct Bench {
     rack: Rack,
     cycle: Cycle,
     orders: CircleProcedure,
-    pace: Virtual,
+    pace: P,
     ring: RecordRing,
     drain: RecordDrain,
     host_ns: Vec<u64>,
     whole_ns: Vec<u64>,
 }
 
-impl Bench {
-    fn new(machine: &Machine) -> Self {
+impl<P: Pace> Bench<P> {
+    fn new(machine: &Machine, pace: P, revolutions: u32) -> Self {
         let (bus, cycle) = wired(machine, SEED);
         let (host, host_far) = memory::pair(CAPACITY);
         let (machine_near, machine_far) = memory::pair(CAPACITY);
@@ -70,8 +93,8 @@ impl Bench {
             machine_far,
             rack: bus.into_rack(),
             cycle,
-            orders: procedure(machine, "optimal", paper_circle(REVOLUTIONS)),
-            pace: Virtual::new(machine.cycle.period),
+            orders: procedure(machine, "optimal", paper_circle(revolutions)),
+            pace,
             ring,
             drain,
             host_ns: Vec::new(),
@@ -91,6 +114,7 @@ impl Bench {
             record.lost_records = self.ring.lost();
             self.ring.put(record, inputs);
             let host_end = Instant::now();
+            self.pace.finish();
             self.carry_commands();
             let written = self.drain.ring.pop();
             while self.drain.inputs.pop().is_ok() {}

@@ -1,6 +1,7 @@
 //! Random slips of the hand in the reference file, and random texts: whatever is read is judged.
 
 use proptest::prelude::*;
+use quadrant::base::time::Moment;
 use quadrant::config;
 use quadrant::offline::check::MachineReport;
 
@@ -95,6 +96,7 @@ fn assert_is_judged(text: &str) {
         Ok(machine) => {
             machine.drives().unwrap_or_else(|error| panic!("{error}"));
             machine.rack(1);
+            machine.live_rack(1, Moment::ZERO);
             let report = MachineReport::of(&machine);
             assert!(report.cycle.bus_load_percent <= 90.0, "{report:?}");
         }

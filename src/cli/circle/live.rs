@@ -6,7 +6,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread;
-use std::time::{Duration, Instant, SystemTime};
+use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -14,44 +14,30 @@ use serde_json::{Value, json};
 
 use crate::base::record::CycleRecord;
 use crate::base::time::{Moment, Span};
-use crate::cli::VERSION;
 use crate::config::Machine;
 use crate::config::plan::CircleRequest;
 use crate::log::header::file_stamp;
 use crate::log::{Header, Pace, WriteOutcome, Writer};
 use crate::offline::trace::Trace;
-use crate::rt::cycle::pace::{Virtual, Wall, monotonic_now};
+use crate::rt::bus::Bus;
+use crate::rt::bus::lockstep::{self, Lockstep, NoPeer};
+use crate::rt::bus::socketcan::SocketCan;
+use crate::rt::cycle::pace::{Virtual, Wall};
 use crate::rt::cycle::procedure::{CircleProcedure, CircleTest, Ending};
 use crate::rt::cycle::{Cycle, conduct};
 use crate::rt::door::{Both, record_ring};
-use crate::sim::closed_loop::{Patient, Wired};
+use crate::rt::drive::{Drives, Operational};
+use crate::run::{self, Origin, Place, Prepared};
+use crate::sim::closed_loop::{Patient, Wired, commission};
 
 /// Records on their way to the disk: seconds of a cycle at 2 kHz, so that a slow disk loses nothing.
 const RING_RECORDS: usize = 8_192;
-/// From here to the first slot of a realtime run: time to start the threads.
-const LEAD: Span = Span::ms(200);
-
-/// Nanoseconds since 1970.
-fn wall_now_ns() -> i64 {
-    SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default().as_nanos() as i64
-}
+/// How long a machine in another process may be silent: far beyond a busy desk.
+const PATIENCE: Span = Span::ms(2_000);
 
 /// Now, as a part of a file name.
 pub(super) fn stamp_now() -> String {
-    file_stamp(wall_now_ns())
-}
-
-/// Moment zero of a run, on both clocks: a little ahead, so that the threads are there by then.
-struct Start {
-    pace: Pace,
-    monotonic: Moment,
-    wall_ns: i64,
-}
-
-impl Start {
-    fn soon(pace: Pace) -> Self {
-        Self { pace, monotonic: monotonic_now() + LEAD, wall_ns: wall_now_ns() + LEAD.as_ns() }
-    }
+    file_stamp(run::wall_now_ns())
 }
 
 /// What a run left behind.
@@ -69,68 +55,136 @@ pub(super) struct Recording {
     pub(super) machine_s: f64,
 }
 
-/// Run the test on the simulated machine.
+/// Run the test where the `place` says.
 pub(super) fn record(
     machine: &Machine,
     request: &CircleRequest,
     test: &CircleTest,
-    pace: Pace,
-    seed: u64,
+    place: &Place<'_>,
+    allow_jitter: bool,
     log: &Path,
 ) -> anyhow::Result<Recording> {
-    let began = Instant::now();
+    let run = Run { began: Instant::now(), machine, request, test, place, log, stop_wish: stop_wish()? };
+    match (place.interface, place.pace) {
+        (None, pace) => {
+            let prepared = (pace == Pace::Realtime).then(|| Prepared::new(machine, None)).transpose()?;
+            let mut bus = Wired::new(machine.rack(place.seed));
+            let drives = bus.commission(machine.drives()?)?;
+            Ok(run.on(bus, drives, prepared, |_, _| ())?.0)
+        }
+        (Some(interface), Pace::Realtime) => {
+            let prepared = Prepared::new(machine, Some(interface))?;
+            let mut bus = run::open(machine, interface, &[])?;
+            prepared.judge(allow_jitter)?;
+            let drives = run::commission(&mut bus, machine.drives()?)?;
+            Ok(run.on(bus, drives, Some(prepared), SocketCan::set_origin)?.0)
+        }
+        (Some(interface), Pace::Virtual) => {
+            let mut bus = lock_step(machine, interface)?;
+            let drives = commission(&mut bus, machine.drives()?)?;
+            let (recording, bus) = run.on(bus, drives, None, |_, _| ())?;
+            if bus.is_peer_lost() {
+                eprintln!("{interface}: {} during the test", NoPeer { patience: PATIENCE });
+            }
+            Ok(recording)
+        }
+    }
+}
+
+/// A bus in lock step with the machine behind an interface.
+fn lock_step(machine: &Machine, interface: &str) -> anyhow::Result<Lockstep<SocketCan>> {
+    let bus = run::open(machine, interface, &[lockstep::MARKER])?;
+    Lockstep::begin(bus, PATIENCE)
+        .with_context(|| format!("{interface}: is `hil-sim --bus {interface} --pace virtual` running?"))
+}
+
+/// A wish to stop that a signal sets.
+fn stop_wish() -> std::io::Result<Arc<AtomicBool>> {
     let stop_wish = Arc::new(AtomicBool::new(false));
     for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
         // The second one ends the program at once.
         signal_hook::flag::register_conditional_shutdown(signal, 130, Arc::clone(&stop_wish))?;
         signal_hook::flag::register(signal, Arc::clone(&stop_wish))?;
     }
-    let mut bus = Wired::new(machine.rack(seed));
-    let drives = bus.commission(machine.drives()?)?;
-    let mut cycle = Cycle::new(machine.cycle_settings(), drives, &machine.control_settings());
+    Ok(stop_wish)
+}
 
-    let start = Start::soon(pace);
-    let header = header(machine, request, test, &start, seed);
-    let (to_log, log_drain) = record_ring(RING_RECORDS);
-    let (to_trace, trace_drain) = record_ring(RING_RECORDS);
-    let (cycles, lost) = (Arc::clone(&log_drain.cycles), Arc::clone(&log_drain.lost));
-    let writer = Writer::start(log, header.clone(), log_drain.ring, log_drain.inputs, log_drain.lost)?;
-    let tracer = thread::spawn(move || Trace::from_records(records(trace_drain.ring)));
-    let twin = {
-        let (machine, test, stop) = (machine.clone().without_friction(), *test, Arc::clone(&stop_wish));
-        thread::spawn(move || twin(&machine, test, seed, stop))
-    };
+/// A test about to be run.
+struct Run<'a> {
+    began: Instant,
+    machine: &'a Machine,
+    request: &'a CircleRequest,
+    test: &'a CircleTest,
+    place: &'a Place<'a>,
+    log: &'a Path,
+    stop_wish: Arc<AtomicBool>,
+}
 
-    let bar = ProgressWatch::start(cycles, test.duration_s(), machine.cycle.period);
-    let mut orders = CircleProcedure::new(*test, Arc::clone(&stop_wish));
-    let (origin, period, is_virtual) = (start.monotonic, machine.cycle.period, start.pace == Pace::Virtual);
-    let conductor = thread::Builder::new().name("cycle".to_owned()).spawn(move || {
-        let last = if is_virtual {
-            let mut records = Both(Patient(to_log), Patient(to_trace));
-            let mut grid = Virtual::new(period);
-            conduct(&mut cycle, &mut bus, &mut grid, &mut orders, &mut records)
-        } else {
-            let mut records = Both(to_log, to_trace);
-            let mut grid = Wall::starting_at(origin, period);
-            conduct(&mut cycle, &mut bus, &mut grid, &mut orders, &mut records)
+impl Run<'_> {
+    /// Runs it over commissioned drives, in a thread that was prepared for it or in any; `begin` tells the bus
+    /// when moment zero is, on the monotonic clock. The bus comes back.
+    fn on<B: Bus + Send + 'static>(
+        self,
+        mut bus: B,
+        drives: Drives<Operational>,
+        prepared: Option<Prepared<(Ending, B)>>,
+        begin: impl FnOnce(&mut B, Moment),
+    ) -> anyhow::Result<(Recording, B)> {
+        let Self { began, machine, request, test, place, log, stop_wish } = self;
+        let mut cycle = Cycle::new(machine.cycle_settings(), drives, &machine.control_settings());
+        let origin = Origin::soon();
+        let header = header(machine, request, test, &origin, place);
+        let (to_log, log_drain) = record_ring(RING_RECORDS);
+        let (to_trace, trace_drain) = record_ring(RING_RECORDS);
+        let (cycles, lost) = (Arc::clone(&log_drain.cycles), Arc::clone(&log_drain.lost));
+        let writer = Writer::start(log, header.clone(), log_drain.ring, log_drain.inputs, log_drain.lost)?;
+        let tracer = thread::spawn(move || Trace::from_records(records(trace_drain.ring)));
+        let twin = {
+            let (machine, test, stop) = (machine.clone().without_friction(), *test, Arc::clone(&stop_wish));
+            let seed = place.seed;
+            thread::spawn(move || twin(&machine, test, seed, stop))
         };
-        orders.ending(&last)
-    })?;
-    let ending = joined(conductor);
-    bar.finish();
-    let trace = joined(tracer).context("the run left no trace")?;
-    let log = writer.join();
-    let wall_s = began.elapsed().as_secs_f64();
-    Ok(Recording {
-        ending,
-        twin: joined(twin)?,
-        lost_records: lost.load(Ordering::Relaxed),
-        machine_s: trace.len() as f64 * period.as_s(),
-        trace,
-        log,
-        header,
-        wall_s,
-    })
+
+        let bar = ProgressWatch::start(cycles, test.duration_s(), machine.cycle.period);
+        let mut orders = CircleProcedure::new(*test, Arc::clone(&stop_wish));
+        let period = machine.cycle.period;
+        begin(&mut bus, origin.monotonic);
+        let (ending, bus) = match prepared {
+            Some(prepared) => {
+                let conductor = prepared.thread.give(move || {
+                    let mut records = Both(to_log, to_trace);
+                    let mut grid = Wall::starting_at(origin.monotonic, period);
+                    let last = conduct(&mut cycle, &mut bus, &mut grid, &mut orders, &mut records);
+                    (orders.ending(&last), bus)
+                });
+                joined(conductor).context("the thread of the cycle ended without having run it")?
+            }
+            None => {
+                let conductor = thread::Builder::new().name("cycle".to_owned()).spawn(move || {
+                    let mut records = Both(Patient(to_log), Patient(to_trace));
+                    let mut grid = Virtual::new(period);
+                    let last = conduct(&mut cycle, &mut bus, &mut grid, &mut orders, &mut records);
+                    (orders.ending(&last), bus)
+                })?;
+                joined(conductor)
+            }
+        };
+        bar.finish();
+        let trace = joined(tracer).context("the run left no trace")?;
+        let log = writer.join();
+        let wall_s = began.elapsed().as_secs_f64();
+        let recording = Recording {
+            ending,
+            twin: joined(twin)?,
+            lost_records: lost.load(Ordering::Relaxed),
+            machine_s: trace.len() as f64 * period.as_s(),
+            trace,
+            log,
+            header,
+            wall_s,
+        };
+        Ok((recording, bus))
+    }
 }
 
 /// The friction-free response of the same loop: the same test on the same machine without friction.
@@ -164,7 +218,8 @@ fn records(mut ring: rtrb::Consumer<CycleRecord>) -> impl Iterator<Item = CycleR
             match ring.pop() {
                 Ok(record) => return Some(record),
                 Err(_empty) if is_over => return None,
-                Err(_empty) => thread::sleep(Duration::from_micros(200)),
+                // Well below the time in which even a cycle in virtual time fills the ring.
+                Err(_empty) => thread::sleep(Duration::from_millis(2)),
             }
         }
     })
@@ -175,7 +230,13 @@ fn joined<T>(thread: thread::JoinHandle<T>) -> T {
     thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
 }
 
-fn header(machine: &Machine, request: &CircleRequest, test: &CircleTest, start: &Start, seed: u64) -> Header {
+fn header(
+    machine: &Machine,
+    request: &CircleRequest,
+    test: &CircleTest,
+    origin: &Origin,
+    place: &Place<'_>,
+) -> Header {
     let motions: BTreeMap<u32, Value> = test
         .circles
         .iter()
@@ -198,24 +259,10 @@ fn header(machine: &Machine, request: &CircleRequest, test: &CircleTest, start: 
             [(number, json!({ "kind": "line" })), (number + 1, description)]
         })
         .collect();
-    Header {
-        project_version: env!("CARGO_PKG_VERSION").to_owned(),
-        commit: env!("QUADRANT_COMMIT").to_owned(),
-        machine_name: machine.name.clone(),
-        machine_text: machine.text.clone(),
-        sheets: machine.sheets.clone(),
-        seed,
-        pace: start.pace,
-        wall_at_zero_ns: start.wall_ns,
-        axes: machine.axis_names(),
-        period: machine.cycle.period,
-        gain_sets: machine.gain_sets.clone(),
-        motions,
-        extra: BTreeMap::from([
-            ("gains".to_owned(), request.gains.clone()),
-            ("program".to_owned(), format!("quadrant {VERSION}")),
-        ]),
-    }
+    let mut header = run::header(machine, place, origin, "quadrant");
+    header.motions = motions;
+    header.extra.insert("gains".to_owned(), request.gains.clone());
+    header
 }
 
 /// A progress bar that looks at the cycle counter from time to time.

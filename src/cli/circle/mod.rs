@@ -17,6 +17,7 @@ use crate::base::units::{Position, Velocity};
 use crate::config::plan::CircleRequest;
 use crate::log::Pace;
 use crate::rt::cycle::procedure::Ending;
+use crate::run::Place;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
@@ -50,9 +51,16 @@ pub(super) struct Arguments {
     /// As fast as the processor allows, or on the wall clock
     #[arg(long, value_enum, default_value_t = PaceName::Virtual)]
     pace: PaceName,
-    /// Seed of everything random: encoder counters at power-on, noise
+    /// Seed of everything random: encoder counters at power-on, noise; with --bus, of the friction-free
+    /// comparison only
     #[arg(long, default_value_t = 1, value_name = "N")]
     seed: u64,
+    /// CAN interface of the machine: with --pace realtime a real or simulated one, in virtual time `hil-sim`
+    #[arg(long, value_name = "INTERFACE")]
+    bus: Option<String>,
+    /// Drive a real machine from a computer that is not fit for real time: at a desk only
+    #[arg(long)]
+    allow_jitter: bool,
     /// Folder for log and report [default: a new folder under quadrant-out]
     #[arg(long, value_name = "FOLDER")]
     out: Option<PathBuf>,
@@ -62,7 +70,7 @@ pub(super) struct Arguments {
     /// Judge the circular test in this log instead of running one
     #[arg(long, value_name = "FILE", conflicts_with_all = [
         "machine", "gains", "radius_mm", "feed_mm_per_min", "direction", "revolutions", "centre_x_mm",
-        "centre_y_mm", "start_angle_deg", "pace", "seed", "log",
+        "centre_y_mm", "start_angle_deg", "pace", "seed", "bus", "allow_jitter", "log",
     ])]
     from: Option<PathBuf>,
     /// Print one JSON object instead of the table
@@ -130,7 +138,9 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         .with_context(|| format!("cannot create the output folder {}", folder.display()))?;
     let log = arguments.log.clone().unwrap_or_else(|| folder.join(format!("circle-{}.mcap", stamp)));
 
-    let recording = live::record(&machine, &request, &test, arguments.pace.pace(), arguments.seed, &log)?;
+    let place =
+        Place { pace: arguments.pace.pace(), interface: arguments.bus.as_deref(), seed: arguments.seed };
+    let recording = live::record(&machine, &request, &test, &place, arguments.allow_jitter, &log)?;
     let outcome = match recording.ending {
         Ending::Complete => report::of_recording(&machine, &request, &recording, &folder, arguments.json)?,
         Ending::Interrupted => {

@@ -1,7 +1,7 @@
-//! Pictures of a circular test, as SVG text and as PNG.
+//! Pictures of a circular test and of a run's timing, as SVG text and as PNG.
 //!
 //! [`polar`] draws the magnified deviation around the circle, [`reversals`] the four reversals over
-//! time, [`overview`] velocity and current of the whole run; below them [`chart`], [`scale`],
+//! time, [`overview`] velocity and current of the whole run, [`latency`] where the time of the periods went; below them [`chart`], [`scale`],
 //! [`decimate`] and [`svg`] know nothing of circles.
 //!
 //! Colours are told apart by colour-blind readers and by their grey: counter-clockwise dark blue,
@@ -9,6 +9,7 @@
 
 pub mod chart;
 pub mod decimate;
+pub mod latency;
 pub mod overview;
 pub mod png;
 pub mod polar;

@@ -50,6 +50,21 @@ impl Gap {
         self == Self::new(0.0)
     }
 
+    /// The gap with another width. The flank that touches stays where it is and the other one moves, so
+    /// that neither position nor force jumps; inside the gap the axis stays inside.
+    pub(in crate::plant) fn resized(self, width_m: f64, deflection_m: f64) -> Self {
+        let [low_m, high_m] = [-0.5, 0.5].map(|side| self.middle_m + side * self.width_m);
+        let half_m = 0.5 * width_m;
+        let middle_m = if deflection_m > high_m {
+            high_m - half_m
+        } else if deflection_m < low_m {
+            low_m + half_m
+        } else {
+            self.middle_m.clamp(deflection_m - half_m, deflection_m + half_m)
+        };
+        Self { width_m, middle_m }
+    }
+
     /// Deflection at which a flank begins to push; the middle where none does.
     fn rest_m(self, flank: Flank) -> f64 {
         match flank {

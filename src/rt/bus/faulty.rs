@@ -1,6 +1,6 @@
-//! A bus that goes wrong on purpose, for tests and the simulated machine: wraps any [`Bus`] and
-//! drops, delays, repeats, reorders, corrupts or silences frames, each direction by its own
-//! [`Faults`].
+//! A bus that goes wrong on purpose, for tests and the simulated machine: drops, delays, repeats,
+//! reorders, corrupts or silences frames. [`Faulty`] wraps any [`Bus`], each direction by its own
+//! [`Faults`]; a [`Line`] is one direction without a bus.
 //!
 //! Chances are per frame, times are on the clock of the cycle. The wrapper reads no clock: its time
 //! is the `until` of the last `receive`.
@@ -10,12 +10,36 @@
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-use super::{Bus, Frame, Received, SendError};
+use super::{Bus, Frame, Id, Received, SendError};
 use crate::base::time::{Moment, Span};
+
+/// Which identifiers: those that agree with one on the bits of a mask, as the acceptance filter of a CAN
+/// controller has it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Filter {
+    bits: u16,
+    mask: u16,
+}
+
+impl Filter {
+    /// Every identifier.
+    pub const ALL: Self = Self { bits: 0, mask: 0 };
+
+    /// Identifiers that agree with `id` where `mask` has ones.
+    pub const fn new(id: Id, mask: u16) -> Self {
+        Self { bits: id.raw() & mask, mask }
+    }
+    /// Whether an identifier is one of these.
+    pub const fn accepts(self, id: Id) -> bool {
+        id.raw() & self.mask == self.bits
+    }
+}
 
 /// What goes wrong in one direction. Chances run from 0 (never) to 1 (each frame).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Faults {
+    /// Frames that it happens to: those that either filter accepts. The others pass.
+    pub frames: [Filter; 2],
     /// Chance that a frame is lost.
     pub drop: f64,
     /// Chance that a frame comes late, and by how much.
@@ -33,8 +57,15 @@ pub struct Faults {
 
 impl Faults {
     /// A good line.
-    pub const NONE: Self =
-        Self { drop: 0.0, delay: (0.0, Span::ZERO), repeat: 0.0, reorder: 0.0, flip_bit: 0.0, silence: None };
+    pub const NONE: Self = Self {
+        frames: [Filter::ALL; 2],
+        drop: 0.0,
+        delay: (0.0, Span::ZERO),
+        repeat: 0.0,
+        reorder: 0.0,
+        flip_bit: 0.0,
+        silence: None,
+    };
 }
 
 /// What went wrong so far in one direction, in frames.
@@ -78,8 +109,8 @@ impl<B> Faulty<B> {
     }
     /// Replaces the faults of both directions; frames already held back stay held.
     pub fn set(&mut self, incoming: Faults, outgoing: Faults) {
-        self.incoming.faults = incoming;
-        self.outgoing.faults = outgoing;
+        self.incoming.set(incoming);
+        self.outgoing.set(outgoing);
     }
     /// What went wrong with frames received, and with frames sent.
     pub const fn counts(&self) -> (FaultCounts, FaultCounts) {
@@ -113,6 +144,11 @@ impl<B: Bus> Bus for Faulty<B> {
             self.incoming.admit(received.frame, until);
         }
     }
+
+    /// By the inner bus; what is lost here on purpose is in [`Faulty::counts`].
+    fn dropped(&self) -> u64 {
+        self.inner.dropped()
+    }
 }
 
 /// Most frames one direction holds back.
@@ -123,12 +159,15 @@ const HELD_MAX: usize = 32;
 struct Held {
     frame: Frame,
     due: Moment,
+    /// It comes behind those that are on time.
+    is_late: bool,
     /// Twice its number; an overtaken frame stands right behind the next one.
     turn: u64,
 }
 
+/// One direction of a bus.
 #[derive(Debug)]
-struct Line {
+pub struct Line {
     faults: Faults,
     chance: Pcg64Mcg,
     held: [Option<Held>; HELD_MAX],
@@ -137,7 +176,8 @@ struct Line {
 }
 
 impl Line {
-    fn new(faults: Faults, seed: u64) -> Self {
+    /// A line with faults; `seed` decides every chance.
+    pub fn new(faults: Faults, seed: u64) -> Self {
         Self {
             faults,
             chance: Pcg64Mcg::seed_from_u64(seed),
@@ -147,10 +187,24 @@ impl Line {
         }
     }
 
-    /// Decides the fate of one frame. Every chance is drawn for every frame, so changing one
-    /// chance leaves the other faults where they were.
-    fn admit(&mut self, frame: Frame, now: Moment) {
-        let Faults { drop, delay: (late, delay), repeat, reorder, flip_bit, silence } = self.faults;
+    /// Replaces the faults; frames already held back stay held.
+    pub const fn set(&mut self, faults: Faults) {
+        self.faults = faults;
+    }
+    /// What went wrong.
+    pub const fn counts(&self) -> FaultCounts {
+        self.counts
+    }
+
+    /// Decides the fate of one frame. Every chance is drawn for every frame that the faults are about, so
+    /// changing one chance leaves the other faults where they were.
+    pub fn admit(&mut self, frame: Frame, now: Moment) {
+        let Faults { frames, drop, delay: (late, delay), repeat, reorder, flip_bit, silence } = self.faults;
+        if !frames.iter().any(|filter| filter.accepts(frame.id())) {
+            self.admissions += 1;
+            self.hold(Held { frame, due: now, is_late: false, turn: 2 * self.admissions });
+            return;
+        }
         let [is_dropped, is_late, is_repeated, is_overtaken, is_flipped] =
             [drop, late, repeat, reorder, flip_bit].map(|chance| self.chance.random::<f64>() < chance);
         let bit = self.chance.random_range(0..(8 * frame.length()).max(1));
@@ -170,6 +224,7 @@ impl Line {
         let held = Held {
             frame: if is_flipped { frame.with_flipped_bit(bit) } else { frame },
             due: if is_late { now + delay } else { now },
+            is_late,
             turn: 2 * self.admissions + if is_overtaken { 3 } else { 0 },
         };
         self.hold(held);
@@ -185,14 +240,14 @@ impl Line {
         }
     }
 
-    /// The next frame that may pass at `now`.
-    fn release(&mut self, now: Moment) -> Option<Frame> {
+    /// The next frame that may pass at `now`; late ones behind those that are on time.
+    pub fn release(&mut self, now: Moment) -> Option<Frame> {
         let turn_now = 2 * self.admissions + 1;
         let next = self
             .held
             .iter_mut()
             .filter(|slot| slot.is_some_and(|held| held.due <= now && held.turn <= turn_now))
-            .min_by_key(|slot| slot.map(|held| held.turn))?;
+            .min_by_key(|slot| slot.map(|held| (held.is_late, held.turn)))?;
         next.take().map(|held| held.frame)
     }
 }
@@ -288,6 +343,32 @@ mod tests {
             numbers(&came).iter().zip(0..).map(|(got, sent): (&u16, u16)| (got ^ sent).count_ones()).sum();
         assert_eq!(u64::from(flipped_bits), counts.flipped);
         assert!(counts.flipped > 50);
+    }
+
+    #[test]
+    fn only_frames_that_a_filter_accepts_are_hit() {
+        let id = Id::from_low_bits;
+        let of_node_2 = [Filter::new(id(0x182), 0x7FF), Filter::new(id(0x702), 0x7FF)];
+        let mut line = Line::new(Faults { frames: of_node_2, drop: 1.0, ..Faults::NONE }, 1);
+        for raw in [0x181, 0x182, 0x702, 0x082, 0x080] {
+            line.admit(Frame::classic(id(raw), [0]), Moment::ZERO);
+        }
+        let came: Vec<u16> =
+            std::iter::from_fn(|| line.release(Moment::ZERO)).map(|frame| frame.id().raw()).collect();
+        assert_eq!(came, [0x181, 0x082, 0x080]);
+        assert_eq!(line.counts().dropped, 2);
+        assert!(Filter::ALL.accepts(Id::MAX) && Filter::new(id(2), 0x7F).accepts(id(0x582)));
+    }
+
+    #[test]
+    fn a_late_frame_comes_behind_those_on_time() {
+        let mut line = Line::new(Faults { delay: (1.0, PERIOD), ..Faults::NONE }, 1);
+        line.admit(numbered(1), Moment::ZERO);
+        line.set(Faults::NONE);
+        assert_eq!(line.release(Moment::ZERO), None);
+        let due = Moment::ZERO + PERIOD;
+        line.admit(numbered(2), due);
+        assert_eq!([line.release(due), line.release(due)], [Some(numbered(2)), Some(numbered(1))]);
     }
 
     #[test]

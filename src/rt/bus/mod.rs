@@ -6,7 +6,9 @@
 //! Invariant: what was handed to a bus is on its way, or refused aloud; it is never dropped silently here.
 
 pub mod faulty;
+pub mod lockstep;
 pub mod memory;
+pub mod socketcan;
 
 pub use crate::base::frame::{Format, Frame, Id, PAYLOAD_BYTES_MAX, Received};
 use crate::base::time::Moment;

@@ -3,14 +3,15 @@
 //! [`Virtual`] steps from slot to slot as fast as it is called. [`Wall`] sleeps until each slot on the
 //! monotonic clock; slots that have passed by then, before or during the sleep, are skipped and counted,
 //! never run in a burst: a cycle starts within its own slot.
-//! Invariant: the only reader of the clock in `rt`; the grid never moves.
+//! Invariant: the grid never moves.
 
 use nix::errno::Errno;
 use nix::sys::time::TimeSpec;
-use nix::time::{ClockId, ClockNanosleepFlags, clock_gettime, clock_nanosleep};
+use nix::time::{ClockId, ClockNanosleepFlags, clock_nanosleep};
 
 use crate::base::record::Timing;
 use crate::base::time::{Moment, Span};
+pub use crate::rt::clock::monotonic_now;
 
 /// A place on the grid, and what the clock said around it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -68,19 +69,6 @@ pub struct Wall {
     next: u64,
     overruns: u64,
     finished: Moment,
-}
-
-/// Now, on the monotonic clock.
-#[cfg_attr(
-    not(test),
-    expect(clippy::panic, reason = "no cycle without a clock; the board takes the current away")
-)]
-pub fn monotonic_now() -> Moment {
-    match clock_gettime(ClockId::CLOCK_MONOTONIC) {
-        Ok(time) => Moment::ns(time.tv_sec() * 1_000_000_000 + time.tv_nsec()),
-        // Linux refuses this clock to nobody; a grid without a clock would be worse than a stop.
-        Err(errno) => panic!("CLOCK_MONOTONIC cannot be read: {errno}"),
-    }
 }
 
 impl Wall {

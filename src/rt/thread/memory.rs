@@ -13,8 +13,8 @@ use nix::sys::resource::{RLIM_INFINITY, Resource, getrlimit, setrlimit};
 
 use super::raw;
 
-/// Heap that is touched at start: the ring of records (5 MiB), the log's backlog at its fullest
-/// (8 MiB), and as much again for all the rest.
+/// Heap that is touched at start: two rings of records (5 MiB each), the log's backlog at its fullest
+/// (8 MiB), and nearly as much again for all the rest.
 const HEAP_RESERVE_BYTES: usize = 32 << 20;
 /// Stack of the cycle thread that is touched; a cycle needs less than a tenth of it.
 const STACK_RESERVE_BYTES: usize = 256 << 10;

@@ -2,7 +2,7 @@
 //!
 //! [`Process::prepare`] comes first, while there is one thread; [`Thread::prepare`] runs in the thread
 //! that will run the cycle. Each step says what was obtained, or what the system answered; what must be
-//! obtained before an axis may move is judged above, in `service/readiness`.
+//! obtained before an axis may move is judged above, in `run/readiness`.
 //! Priorities are those of SCHED_FIFO: 1 to 99, higher first.
 //! Invariant: what is reported was read back from the system; no step ends the process, and none is
 //! undone while it lives.

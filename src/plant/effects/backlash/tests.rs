@@ -152,3 +152,27 @@ fn a_finer_step_changes_little() {
     assert!(fine < 4.0 * fine_without && fine < 0.01, "{fine} um off with play, {fine_without} um without");
     assert!(fine < 0.2 * coarse, "{coarse} um off in steps of 50 us, {fine} um in steps of 10 us");
 }
+
+#[test]
+fn play_that_comes_and_goes_moves_nothing_at_once() {
+    let mut plant = pulled(with_play(0.0), 1e-3);
+    run(&mut plant, 4_000);
+    let before = plant.body.motion;
+    let pull_n = plant.body.pull_n();
+    for width_um in [25.0, 5.0, 0.0, 60.0] {
+        plant.body.gap = plant.body.gap.resized(width_um * 1e-6, before[0]);
+        let (flank, force_n) = plant.body.gap.contact(&before, &plant.body);
+        let rest_n = 73.8e3 * before[2];
+        assert_eq!(flank, Flank::Upper, "{width_um} um");
+        assert!(
+            (force_n + rest_n - pull_n).abs() < 1e-6 * pull_n,
+            "{force_n} N of {pull_n} N at {width_um} um"
+        );
+    }
+    let inside = Gap::new(50e-6).resized(10e-6, 20e-6);
+    let flank_um = inside.rest_m(Flank::Upper) * 1e6;
+    assert!(
+        (flank_um - 20.0).abs() < 1e-9,
+        "the upper flank comes to the axis at 20 um, not to {flank_um} um"
+    );
+}

@@ -40,7 +40,8 @@ pub struct Wanted {
 pub fn checks(obtained: &Obtained<'_>, wanted: &Wanted) -> Vec<Check> {
     let Obtained { memory, awake, thread, rehearsal, system } = *obtained;
     let settings = &wanted.settings;
-    let mut checks = vec![
+    let mut checks: Vec<Check> = system.interface.iter().map(interface).collect();
+    checks.extend([
         kernel(system),
         locked(memory.locked),
         heap(memory.is_heap_kept),
@@ -51,8 +52,9 @@ pub fn checks(obtained: &Obtained<'_>, wanted: &Wanted) -> Vec<Check> {
         idle_states(awake, system.has_idle_states),
         frequency(system, settings),
         isolation(system, settings),
-    ];
-    checks.extend(system.interface.as_ref().filter(|it| !it.is_virtual).map(|it| interrupt(it, settings)));
+    ]);
+    let real = system.interface.iter().filter(|interface| interface.is_there && !interface.is_virtual);
+    checks.extend(real.map(|interface| interrupt(interface, settings)));
     checks.extend([page_faults(rehearsal), wake_up(rehearsal, wanted.wake_error_max)]);
     checks
 }
@@ -67,6 +69,20 @@ fn optional(name: &'static str, found: impl Into<String>, state: State) -> Check
 
 fn missing(mend: impl Into<String>) -> State {
     State::Missing { mend: mend.into() }
+}
+
+/// What is not there is judged like a machine: it may come back as one.
+fn interface(interface: &Interface) -> Check {
+    let name = &interface.name;
+    let (found, state) = match (interface.is_there, interface.is_virtual) {
+        (true, true) => (format!("{name} is virtual: no machine behind it"), State::Held),
+        (true, false) => (format!("{name} has a controller: a machine may be behind it"), State::Held),
+        (false, _) => (
+            format!("there is no {name}"),
+            missing("`ip link` shows which interfaces there are; see systemd/"),
+        ),
+    };
+    required("CAN interface", found, state)
 }
 
 fn kernel(system: &System) -> Check {
@@ -441,7 +457,8 @@ mod tests {
         let names = |bench: &Bench| bench.checks().iter().map(|check| check.name).collect::<Vec<_>>();
         assert!(!names(&bench).contains(&"CAN interrupt"), "frames stay in memory");
         let interrupts = vec![thread("irq/42-can0", 90), thread("irq/41-can0", 50)];
-        bench.system.interface = Some(Interface { name: "can0".to_owned(), is_virtual: false, interrupts });
+        let name = "can0".to_owned();
+        bench.system.interface = Some(Interface { name, is_there: true, is_virtual: false, interrupts });
         let (found, mend) = bench.said("CAN interrupt");
         assert_eq!(found, "irq/41-can0 has priority 50, the cycle 80");
         assert!(mend.contains("chrt -f -p 81 141"), "{mend}");
@@ -454,5 +471,9 @@ mod tests {
         assert_eq!(bench.missing(), [] as [&str; 0], "said, not required");
         bench.system.interface.as_mut().unwrap().is_virtual = true;
         assert!(!names(&bench).contains(&"CAN interrupt"), "vcan has none");
+        let gone = Interface { name: "can0".to_owned(), ..Interface::default() };
+        bench.system.interface = Some(gone);
+        assert_eq!(bench.said("CAN interface").0, "there is no can0");
+        assert_eq!(bench.missing(), ["CAN interface"]);
     }
 }

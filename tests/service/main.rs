@@ -1,7 +1,10 @@
 //! Promise: the daemon says what this computer lacks for real time and how to mend it, and runs on the
-//! simulated machine all the same, as a user without any privilege too.
+//! simulated machine all the same, as a user without any privilege too. A full log and a talk that nobody
+//! hears end no cycle, and who supervises it hears the truth.
 #![cfg(feature = "service")]
 #![expect(clippy::unwrap_used, reason = "a test stops at the first surprise")]
+
+mod systemd;
 
 use std::fs::{self, Permissions};
 use std::os::unix::fs::{MetadataExt, PermissionsExt};
@@ -109,4 +112,36 @@ fn without_privileges_the_simulated_machine_runs() {
     assert!(said.contains("SIGTERM: coming to rest") && said.contains("stopped"), "{said}");
     let logs: Vec<_> = fs::read_dir(user.folder().join("logs")).unwrap().collect();
     assert_eq!(logs.len(), 1, "{said}");
+}
+
+/// The daemon in a shell that is told what to do about it, until it is ended after two seconds.
+fn run_in_shell(script: &str) -> (Output, TempDir) {
+    let folder = TempDir::new().unwrap();
+    let script = format!("cd \"$1\"; {script}");
+    let output = Command::new("bash").args(["-uc", &script]).arg(daemon()).arg(folder.path()).output();
+    (output.unwrap(), folder)
+}
+
+#[test]
+fn a_log_that_reaches_the_size_limit_is_an_error_of_the_log() {
+    // 64 blocks of 1024 bytes: a quarter of a second.
+    let (output, folder) =
+        run_in_shell("ulimit -f 64; timeout --preserve-status -s TERM 2 \"$0\" --hold --logs logs");
+    let said = said(&output);
+    assert_eq!(output.status.code(), Some(1), "records are lost, the daemon is not: {said}");
+    assert!(said.contains("File too large") && said.contains("SIGTERM: coming to rest"), "{said}");
+    let log = fs::read_dir(folder.path().join("logs")).unwrap().next().unwrap().unwrap();
+    assert!(log.metadata().unwrap().len() <= 64 << 10, "the limit holds");
+}
+
+#[test]
+fn a_daemon_that_nobody_listens_to_goes_on() {
+    // The reader of its talk is gone after the first line.
+    let script = "set -o pipefail; timeout --preserve-status -s TERM 2 \"$0\" --logs logs 2>&1 | head -n 1";
+    let (output, folder) = run_in_shell(script);
+    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    let log = fs::read_dir(folder.path().join("logs")).unwrap().next().unwrap().unwrap();
+    let mut reader = quadrant::log::Reader::open(&log.path()).unwrap();
+    assert!(reader.by_ref().map(Result::unwrap).count() > 1000, "it ran to its end");
+    assert!(!reader.is_truncated(), "and the log is complete");
 }

@@ -16,13 +16,13 @@ use crate::config::bus_load::BusLoad;
 use crate::rt::thread::{Hold, Process};
 
 /// Ready for a cycle, as far as this machine lets it.
-pub(super) struct Prepared<T> {
+pub struct Prepared<T> {
     /// Waits for the cycle.
-    pub(super) thread: CycleThread<T>,
+    pub thread: CycleThread<T>,
     /// What holds and what is missing.
-    pub(super) checks: Vec<Check>,
+    pub checks: Vec<Check>,
     /// Whether a machine may be at the other end of the bus.
-    pub(super) bus_is_real: bool,
+    pub bus_is_real: bool,
     /// Processors sleep again when this is dropped.
     _process: Process,
 }
@@ -30,7 +30,7 @@ pub(super) struct Prepared<T> {
 impl<T: Send + 'static> Prepared<T> {
     /// Prepares process and thread; `interface` is the CAN interface, if frames leave this computer.
     /// Call it before there is a second thread.
-    pub(super) fn new(machine: &Machine, interface: Option<&str>) -> anyhow::Result<Self> {
+    pub fn new(machine: &Machine, interface: Option<&str>) -> anyhow::Result<Self> {
         let process = Process::prepare();
         let (thread, prepared, rehearsal) = CycleThread::start(machine.real_time, machine.cycle.period)
             .context("cannot start the thread of the cycle")?;
@@ -52,7 +52,7 @@ impl<T: Send + 'static> Prepared<T> {
     ///
     /// # Errors
     /// On a real bus what is missing refuses to arm, unless `allow_jitter`.
-    pub(super) fn judge(&self, allow_jitter: bool) -> anyhow::Result<()> {
+    pub fn judge(&self, allow_jitter: bool) -> anyhow::Result<()> {
         for Check { name, found, state, .. } in &self.checks {
             match state {
                 State::Held => info!("{name}: {found}"),

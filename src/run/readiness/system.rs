@@ -36,6 +36,8 @@ pub struct System {
 pub struct Interface {
     /// Its name.
     pub name: String,
+    /// Whether there is one of that name.
+    pub is_there: bool,
     /// Whether there is no controller behind it, as behind vcan.
     pub is_virtual: bool,
     /// Threads that handle its controller's interrupts.
@@ -136,7 +138,8 @@ impl Interface {
         let of_device = device_interrupts(&device);
         let mut interrupts = interrupt_threads(root);
         interrupts.retain(|thread| is_of(thread, name, &of_device));
-        Self { name: name.to_owned(), is_virtual: is_virtual(&device), interrupts }
+        let is_there = device.exists();
+        Self { name: name.to_owned(), is_there, is_virtual: is_virtual(&device), interrupts }
     }
 }
 
@@ -267,8 +270,9 @@ mod tests {
         let net = root.path().join("sys/class/net");
         symlink("../../devices/virtual/net/vcan0", net.join("vcan0")).unwrap();
         symlink("../../devices/pci0000:00/0000:00:05.0/net/can0", net.join("can0")).unwrap();
-        let is_virtual = |name| System::read(root.path(), Some(name)).interface.unwrap().is_virtual;
-        assert_eq!(["vcan0", "can0", "can7"].map(is_virtual), [true, false, false]);
+        let read = |name| System::read(root.path(), Some(name)).interface.unwrap();
+        let kind = |name| (read(name).is_there, read(name).is_virtual);
+        assert_eq!(["vcan0", "can0", "can7"].map(kind), [(true, true), (true, false), (false, false)]);
         assert!(System::read(Path::new("/"), Some("lo")).interface.unwrap().is_virtual, "of this computer");
     }
 

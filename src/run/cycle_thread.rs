@@ -18,14 +18,14 @@ const REHEARSAL: Span = Span::ms(250);
 type Work<T> = Box<dyn FnOnce() -> T + Send>;
 
 /// A thread that waits for the cycle.
-pub(super) struct CycleThread<T> {
+pub struct CycleThread<T> {
     thread: JoinHandle<Option<T>>,
     work: Sender<Work<T>>,
 }
 
 impl<T: Send + 'static> CycleThread<T> {
     /// Starts and prepares it, and rehearses its pace: what was obtained, and what was seen.
-    pub(super) fn start(settings: Settings, period: Span) -> io::Result<(Self, Thread, Rehearsal)> {
+    pub fn start(settings: Settings, period: Span) -> io::Result<(Self, Thread, Rehearsal)> {
         let (work, offered) = mpsc::channel::<Work<T>>();
         let (report, reported) = mpsc::channel();
         let thread = Builder::new().name("cycle".to_owned()).spawn(move || {
@@ -45,7 +45,7 @@ impl<T: Send + 'static> CycleThread<T> {
     }
 
     /// Gives it its work; `None` comes back only if it was not given any.
-    pub(super) fn give(self, work: impl FnOnce() -> T + Send + 'static) -> JoinHandle<Option<T>> {
+    pub fn give(self, work: impl FnOnce() -> T + Send + 'static) -> JoinHandle<Option<T>> {
         // It waits for this and for nothing else; if it is gone, `join` tells why.
         let _taken = self.work.send(Box::new(work));
         self.thread
