@@ -4,11 +4,14 @@
 //! An answer that leaves later than the host waits is this program's fault and not the machine's: it is
 //! counted and told, so that a slow simulator is not taken for a slow host.
 
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use quadrant::base::time::{Moment, Span};
 use quadrant::config::Machine;
 use quadrant::rt::bus::socketcan::SocketCan;
 use quadrant::rt::bus::{Bus, Frame, Received, SendError};
 use quadrant::rt::clock::monotonic_now;
+use quadrant::rt::thread::{self, Process, Thread};
 use quadrant::rt::wire::{Address, command};
 
 /// How often heartbeats and watchdogs are looked after while no frame comes.
@@ -16,13 +19,27 @@ const WAIT: Span = Span::ms(1);
 /// How often late answers are told.
 const TELL: Span = Span::ms(1_000);
 
+/// Below the cycle of a daemon on the same computer, above everything that is not real time.
+const REAL_TIME: thread::Settings = thread::Settings { priority: 60, cpu: None };
+
 /// Serve until told otherwise, and say what was served.
-pub(crate) fn run(machine: &Machine, seed: u64, bus: SocketCan, is_over: impl Fn() -> bool) {
+pub(crate) fn run(machine: &Machine, seed: u64, bus: SocketCan, is_over: &AtomicBool) {
+    let _process = Process::prepare();
+    // In a thread of its own: the one that calls is left to the signals.
+    std::thread::scope(|scope| {
+        scope.spawn(|| serve(machine, seed, bus, is_over));
+    });
+}
+
+fn serve(machine: &Machine, seed: u64, bus: SocketCan, is_over: &AtomicBool) {
+    if let Err(errno) = Thread::prepare(&REAL_TIME).fifo {
+        eprintln!("hil-sim: runs without real time ({errno}), so answers may be late");
+    }
     let began = monotonic_now();
     let mut bus = Watched::new(bus, machine.cycle.reply_window, began);
     let mut rack = machine.live_rack(seed, Moment::ZERO);
     let mut told = Moment::ZERO;
-    while !is_over() {
+    while !is_over.load(Ordering::Relaxed) {
         let now = bus.now();
         rack.serve(&mut bus, now + WAIT);
         if now - told >= TELL {

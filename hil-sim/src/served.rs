@@ -27,21 +27,20 @@ pub(crate) fn run(machine: &Machine, seed: u64, interface: &str, is_live: bool) 
     let bus = SocketCan::open(&settings, Moment::ZERO)?;
     let pace = if is_live { "on the wall clock" } else { "in lock step" };
     eprintln!("machine {}, seed {seed}, on {interface}, {pace}: waiting for a host", machine.name);
-    let is_over = || is_over.load(Ordering::Relaxed);
     if is_live {
-        live::run(machine, seed, bus, is_over);
+        live::run(machine, seed, bus, &is_over);
     } else {
-        in_lock_step(machine, seed, bus, is_over);
+        in_lock_step(machine, seed, bus, &is_over);
     }
     Ok(())
 }
 
 /// Serve until told otherwise, and say what was served.
-fn in_lock_step(machine: &Machine, seed: u64, mut bus: SocketCan, is_over: impl Fn() -> bool) {
+fn in_lock_step(machine: &Machine, seed: u64, mut bus: SocketCan, is_over: &AtomicBool) {
     let mut session = Session::new(|| machine.rack(seed));
     let mut busy = Busy::default();
     let mut until = Moment::ZERO;
-    while !is_over() {
+    while !is_over.load(Ordering::Relaxed) {
         match bus.receive(until) {
             Some(received) => {
                 busy.work_at(received.at);

@@ -13,4 +13,6 @@ mod flood;
 mod heap;
 mod frames;
 mod interface;
+mod machine;
 mod times;
+mod tools;

@@ -29,7 +29,7 @@ const RECEIVE_BUFFER_BYTES: libc::c_int = 1 << 20;
 pub struct Settings<'a> {
     /// Name of the interface.
     pub interface: &'a str,
-    /// Identifiers to be received; the kernel keeps all others away.
+    /// Identifiers to be received, at most 512; the kernel keeps all others away.
     pub identifiers: &'a [Id],
     /// Whether there are FD frames among those received or sent.
     pub is_fd: bool,

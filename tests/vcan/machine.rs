@@ -1,0 +1,232 @@
+//! Two processes on an interface: the simulated machine, and the tool that runs a circle on it.
+
+use std::io::{BufRead, BufReader, Read};
+use std::path::Path;
+use std::process::{Child, ChildStderr, Command, Output, Stdio};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use quadrant::log::Reader;
+use serde_json::Value;
+use tempfile::TempDir;
+
+use crate::rig::{Interface, say};
+
+/// A circle of some seconds of machine time.
+const SMALL: [&str; 6] = ["--radius-mm", "3", "--feed-mm-per-min", "1500", "--direction", "ccw"];
+
+/// `hil-sim` on an interface; killed with its value.
+struct Machine {
+    child: Child,
+    said: BufReader<ChildStderr>,
+}
+
+impl Machine {
+    #[track_caller]
+    fn start(interface: &Interface, seed: &str) -> Self {
+        let program = assert_cmd::cargo::cargo_bin("quadrant").with_file_name("hil-sim");
+        assert!(program.exists(), "{} is missing: cargo build -p hil-sim", program.display());
+        let mut child = Command::new(program)
+            .args(["--bus", &interface.name, "--pace", "virtual", "--seed", seed])
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut said = BufReader::new(child.stderr.take().unwrap());
+        let mut line = String::new();
+        said.read_line(&mut line).unwrap();
+        assert!(line.contains("waiting for a host"), "{line}");
+        Self { child, said }
+    }
+
+    /// Ends it by a signal; what it said at the end.
+    #[track_caller]
+    fn end(mut self, signal: &str) -> String {
+        assert!(
+            Command::new("kill").args([signal, &self.child.id().to_string()]).status().unwrap().success()
+        );
+        let mut rest = String::new();
+        self.said.read_to_string(&mut rest).unwrap();
+        let code = self.child.wait().unwrap().code();
+        assert_eq!(code, Some(0), "{rest}");
+        rest
+    }
+
+    fn kill(&mut self) {
+        self.child.kill().unwrap();
+        self.child.wait().unwrap();
+    }
+}
+
+impl Drop for Machine {
+    fn drop(&mut self) {
+        let _gone = self.child.kill();
+        let _reaped = self.child.wait();
+    }
+}
+
+/// The tool, about to run a circle into a folder.
+fn circle(words: &[&str], folder: &Path) -> Command {
+    let mut tool = Command::new(assert_cmd::cargo::cargo_bin("quadrant"));
+    tool.arg("circle").args(words).arg("--json").arg("--out").arg(folder);
+    tool.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    tool
+}
+
+fn on<'a>(interface: &'a Interface, words: &[&'a str]) -> Vec<&'a str> {
+    [&["--bus", &interface.name, "--pace", "virtual"], words].concat()
+}
+
+#[track_caller]
+fn result(output: &Output) -> Value {
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{said}");
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+/// Every cycle in the log of a folder, and what it was told.
+#[track_caller]
+fn cycles(folder: &Path) -> Vec<String> {
+    let mut entries = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    let log = entries.find(|path| path.extension().is_some_and(|end| end == "mcap")).expect("a log");
+    let mut reader = Reader::open(&log).unwrap();
+    let mut cycles = Vec::new();
+    while let Some(record) = reader.next() {
+        let record = record.unwrap();
+        cycles.push(format!("{record:?} {:?}", reader.inputs_until(&record)));
+    }
+    cycles
+}
+
+#[track_caller]
+fn assert_same(one: &[String], other: &[String]) {
+    assert_eq!(one.len(), other.len(), "cycles of two runs");
+    one.iter().zip(other).for_each(|(a, b)| assert_eq!(a, b));
+}
+
+/// A run in memory with this seed.
+fn in_memory(seed: &str) -> Vec<String> {
+    let folder = TempDir::new().unwrap();
+    result(&circle(&[&SMALL[..], &["--seed", seed]].concat(), folder.path()).output().unwrap());
+    cycles(folder.path())
+}
+
+#[test]
+fn a_run_on_the_bus_gives_the_records_of_the_run_in_memory_whatever_came_before() {
+    let Some(interface) = Interface::new() else { return };
+    let memory = in_memory("5");
+    assert!(memory.len() > 3_000, "{} cycles are too few to tell", memory.len());
+    let machine = Machine::start(&interface, "5");
+    let folder = TempDir::new().unwrap();
+    let json = result(&circle(&on(&interface, &SMALL), folder.path()).output().unwrap());
+    assert_same(&memory, &cycles(folder.path()));
+
+    // A host that is killed in the middle leaves a machine in motion. The next one finds it at rest. Somebody
+    // else talks on the bus meanwhile, with identifiers that are none of ours.
+    let cut = TempDir::new().unwrap();
+    let mut host = circle(&on(&interface, &[]), cut.path()).spawn().unwrap();
+    let log_grows = || std::fs::read_dir(cut.path()).is_ok_and(|mut files| files.next().is_some());
+    wait_for("the killed run to begin", log_grows);
+    thread::sleep(Duration::from_millis(1_500));
+    host.kill().unwrap();
+    host.wait().unwrap();
+    assert!(cycles(cut.path()).len() > 100, "it was killed before it moved");
+    let mut others = Command::new("cangen").args([&interface.name, "-g", "2", "-I", "3A1"]).spawn().unwrap();
+    let folder = TempDir::new().unwrap();
+    let output = circle(&on(&interface, &SMALL), folder.path()).output().unwrap();
+    others.kill().unwrap();
+    others.wait().unwrap();
+    result(&output);
+    assert_same(&memory, &cycles(folder.path()));
+
+    let said = machine.end("-TERM");
+    assert!(said.starts_with("3 sessions, "), "{said}");
+    for part in ["cycles", "frames", "frames per second"] {
+        assert!(said.contains(part), "does not say `{part}`: {said}");
+    }
+    let seconds = json["seconds"].as_f64().unwrap();
+    say(&format!(
+        "lock step: {:.0} cycles per second, {:.2} times real time; the machine: {}",
+        memory.len() as f64 / seconds,
+        json["times_real_time"].as_f64().unwrap(),
+        said.trim()
+    ));
+}
+
+#[track_caller]
+fn wait_for(what: &str, is_so: impl Fn() -> bool) {
+    let began = Instant::now();
+    while !is_so() {
+        assert!(began.elapsed() < Duration::from_secs(30), "waited for {what}");
+        thread::sleep(Duration::from_millis(10));
+    }
+}
+
+#[test]
+fn without_a_machine_a_run_is_refused_and_one_that_dies_ends_it() {
+    let Some(interface) = Interface::new() else { return };
+    let folder = TempDir::new().unwrap();
+    let output = circle(&on(&interface, &SMALL), folder.path()).output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    for part in [&interface.name, "no simulated machine answered within 2 s", "hil-sim --bus"] {
+        assert!(said.contains(part), "does not say `{part}`: {said}");
+    }
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "nothing was begun");
+
+    let mut machine = Machine::start(&interface, "1");
+    let host = circle(&on(&interface, &[]), folder.path()).spawn().unwrap();
+    wait_for("the run to begin", || std::fs::read_dir(folder.path()).unwrap().next().is_some());
+    thread::sleep(Duration::from_millis(1_500));
+    machine.kill();
+    let killed = Instant::now();
+    let output = host.wait_with_output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    assert!(killed.elapsed() < Duration::from_secs(20), "{:?} until it ended", killed.elapsed());
+    for part in ["no simulated machine answered within 2 s", "docs/faults/", "the log is kept"] {
+        assert!(said.contains(part), "does not say `{part}`: {said}");
+    }
+    let kept = cycles(folder.path());
+    assert!(kept.len() > 100, "{} cycles in the log", kept.len());
+    // A machine that is started again serves the next run.
+    let machine = Machine::start(&interface, "5");
+    let folder = TempDir::new().unwrap();
+    result(&circle(&on(&interface, &SMALL), folder.path()).output().unwrap());
+    assert!(machine.end("-INT").starts_with("1 sessions, "));
+}
+
+#[test]
+fn a_second_host_ends_the_run() {
+    let Some(interface) = Interface::new() else { return };
+    let _machine = Machine::start(&interface, "1");
+    let folder = TempDir::new().unwrap();
+    let host = circle(&on(&interface, &[]), folder.path()).spawn().unwrap();
+    wait_for("the run to begin", || std::fs::read_dir(folder.path()).unwrap().next().is_some());
+    thread::sleep(Duration::from_millis(1_500));
+    // A command that no board takes, but no board has sent either.
+    let command = Command::new("cansend").args([&interface.name, "201#00"]).status().unwrap();
+    assert!(command.success());
+    let output = host.wait_with_output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    assert!(said.contains("docs/faults/19-second-host.md"), "{said}");
+}
+
+#[test]
+fn what_is_asked_of_the_command_line_and_cannot_be_is_said() {
+    let folder = TempDir::new().unwrap();
+    let refused = |words: &[&str], parts: &[&str]| {
+        let output = circle(words, folder.path()).output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{said}");
+        parts.iter().for_each(|part| assert!(said.contains(part), "does not say `{part}`: {said}"));
+    };
+    refused(&["--bus", "can77", "--pace", "realtime"], &["--bus", "--pace virtual"]);
+    // On a kernel without CAN it is that which is said.
+    let has_can = std::env::var_os("QUADRANT_VCAN").is_some();
+    refused(
+        &["--bus", "can77"],
+        if has_can { &["there is no interface can77", "ip -brief link"] } else { &["can"] },
+    );
+}
