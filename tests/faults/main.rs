@@ -5,6 +5,7 @@
 #[path = "../common/mod.rs"]
 mod common;
 mod scenarios;
+mod trouble;
 
 use std::cell::Cell;
 use std::rc::Rc;
@@ -21,7 +22,8 @@ use quadrant::rt::wire::scaling::CurrentCounts;
 use quadrant::rt::wire::{Address, state};
 use rstest::rstest;
 
-use scenarios::{GENTLE, Scenario, Strikes, board, good_line, node, scenarios};
+use scenarios::scenarios;
+use trouble::{GENTLE, Scenario, Strikes, board, good_line, node};
 
 /// Speed of the axes when things go wrong, mm/s.
 const SPEED_MM_PER_S: f64 = 100.0;
