@@ -154,8 +154,6 @@ pub struct BusRecord {
     pub state: BusState,
     /// What became of SYNC.
     pub sync: Refusal,
-    /// What became of the commands.
-    pub commands: Refusal,
     /// Reports of the own controller, since start.
     pub reports: u32,
     /// Frames that belong to no axis, or that only a host sends, since start.
@@ -183,6 +181,8 @@ pub struct AxisRecord {
     pub link: LinkCounts,
     /// What was commanded.
     pub command: Command,
+    /// What the bus said to it.
+    pub refusal: Refusal,
 }
 
 /// Which part of a procedure a cycle belongs to, so that an analysis finds its stretch of the log.
@@ -225,5 +225,11 @@ impl CycleRecord {
             stage: Stage::default(),
             axes: PerAxis::filled(axes, AxisRecord::default()),
         }
+    }
+
+    /// What became of the commands: the first refusal among them.
+    pub fn commands(&self) -> Refusal {
+        let mut refusals = self.axes.as_slice().iter().map(|axis| axis.refusal);
+        refusals.find(|refusal| *refusal != Refusal::None).unwrap_or_default()
     }
 }

@@ -168,7 +168,6 @@ table!(CycleRecord as CYCLE_FIELDS, put_cycle, take_cycle {
     is_measured: bool ["-"] = stage.is_measured, "1 in the evaluated part of the motion";
     bus_state: u8 ["-"] = bus.state, "own controller: 0 error active, 1 error warning, 2 error passive, 3 bus-off";
     sync_refusal: u8 ["-"] = bus.sync, "what became of SYNC: 0 taken, 1 no room, 2 bus down";
-    commands_refusal: u8 ["-"] = bus.commands, "what became of the commands: 0 taken, 1 no room, 2 bus down";
     bus_reports: u32 ["-"] = bus.reports, "reports of the own controller since start";
     foreign_frames: u32 ["-"] = bus.foreign, "frames since start that belong to no axis or that only a host sends";
     dropped_frames: u32 ["-"] = bus.dropped, "frames since start that came and were dropped because nobody took them";
@@ -209,6 +208,7 @@ table!(AxisRecord as AXIS_FIELDS, put_axis, take_axis {
     raw_answers_cycle: u16 ["-"] = sample.raw.answers_cycle, "low 16 bits of the number of the SYNC answered";
     raw_status_word: u16 ["-"] = sample.raw.status_word, "CiA 402 status word (object 6041h)";
     control_word: u16 ["-"] = command.control_word, "CiA 402 control word (object 6040h)";
+    command_refusal: u8 ["-"] = refusal, "what became of the command: 0 taken, 1 no room, 2 bus down";
     raw_sequence: u8 ["-"] = sample.raw.sequence, "counts feedback frames, wraps at 256";
     raw_board_flags: u8 ["-"] = sample.raw.board_flags, "flags of the board";
     motor_place: u8 ["-"] = arrivals.motor.place, "how many frames that cycle had received before it; classic CAN: before its frame of the motor";

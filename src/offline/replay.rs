@@ -211,7 +211,7 @@ struct RecordedBus {
     layout: Layout,
     frames: VecDeque<Received>,
     sync: Refusal,
-    commands: Refusal,
+    commands: PerAxis<Refusal>,
     dropped: u32,
 }
 
@@ -222,7 +222,7 @@ impl RecordedBus {
             layout,
             frames: VecDeque::new(),
             sync: Refusal::None,
-            commands: Refusal::None,
+            commands: PerAxis::filled(nodes.count(), Refusal::None),
             dropped: 0,
         }
     }
@@ -231,7 +231,8 @@ impl RecordedBus {
         self.frames.clear();
         self.frames
             .extend(frames_of(record, inputs, &self.nodes, self.layout).into_iter().map(|(_, frame)| frame));
-        (self.sync, self.commands, self.dropped) = (record.bus.sync, record.bus.commands, record.bus.dropped);
+        (self.sync, self.dropped) = (record.bus.sync, record.bus.dropped);
+        self.commands = record.axes.map(|_, axis| axis.refusal);
     }
 }
 
@@ -245,8 +246,11 @@ const fn outcome(refusal: Refusal) -> Result<(), SendError> {
 
 impl Bus for RecordedBus {
     fn send(&mut self, frame: &Frame) -> Result<(), SendError> {
-        let is_sync = Address::of(frame.id()) == Some(Address::Sync);
-        outcome(if is_sync { self.sync } else { self.commands })
+        let of = |node| self.nodes.iter().find(|(_, own)| **own == node).map(|(axis, _)| self.commands[axis]);
+        outcome(match Address::of(frame.id()) {
+            Some(Address::Command(node)) => of(node).unwrap_or_default(),
+            _ => self.sync,
+        })
     }
     fn receive(&mut self, _until: Moment) -> Option<Received> {
         self.frames.pop_front()

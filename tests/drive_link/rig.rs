@@ -3,6 +3,7 @@
 use quadrant::base::axis::{AxisId, PerAxis};
 use quadrant::base::command::Command;
 use quadrant::base::input::Inputs;
+use quadrant::base::record::Refusal;
 use quadrant::base::time::{Moment, Span};
 use quadrant::base::units::{Current, Position};
 use quadrant::rt::bus::faulty::{Faults, Faulty};
@@ -185,7 +186,8 @@ impl Rig {
             ..Command::default()
         });
         self.sent_control_word = [X, Y].map(|axis| commands[axis].control_word);
-        self.drives.dispatch(&mut self.wired, &commands, self.cycle).expect("room for two frames");
+        let refusals = self.drives.dispatch(&mut self.wired, &commands, self.cycle);
+        assert_eq!(refusals.as_slice(), [Refusal::None; 2], "room for two frames");
     }
     /// Whole periods towards `target`.
     pub(crate) fn run(&mut self, periods: usize, current: Current, target: Target) -> PerAxis<Observation> {

@@ -12,7 +12,7 @@ use std::rc::Rc;
 
 use common::{Fate, Rig, X, Y, machine_with};
 use quadrant::base::fault::{Fault, StopCategory};
-use quadrant::base::record::ModeTag;
+use quadrant::base::record::{ModeTag, Refusal};
 use quadrant::base::units::Position;
 use quadrant::rt::bus::Bus;
 use quadrant::rt::door::Order;
@@ -195,6 +195,23 @@ fn a_loop_that_comes_to_nan_gives_no_current_and_faults() {
     assert!(is_unpowered(&mut rig));
     assert_eq!(rig.axis(Y).fault, Some(Fault::OtherAxis));
     assert_eq!(rig.axis(Y).mode, ModeTag::Faulted);
+}
+
+#[test]
+fn what_the_bus_refused_is_recorded_with_its_axis() {
+    let mut rig = prepared("reference", &GENTLE);
+    rig.line.outgoing = Box::new(|frame| match Address::of(frame.id()) {
+        Some(Address::Command(to)) if to == node(Y) => Fate::Refused,
+        _ => Fate::Pass,
+    });
+    rig.step();
+    assert_eq!((rig.axis(X).refusal, rig.axis(Y).refusal), (Refusal::None, Refusal::Full));
+    rig.line.outgoing = Box::new(|frame| match Address::of(frame.id()) {
+        Some(Address::Command(to)) if to == node(X) => Fate::Down,
+        _ => Fate::Pass,
+    });
+    rig.step();
+    assert_eq!((rig.axis(X).refusal, rig.axis(Y).refusal), (Refusal::Down, Refusal::None));
 }
 
 #[rstest]

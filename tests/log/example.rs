@@ -10,7 +10,7 @@ use quadrant::base::axis::{AxisId, PerAxis};
 use quadrant::base::command::{Command, Limits, Terms};
 use quadrant::base::fault::Fault;
 use quadrant::base::record::{
-    Arrival, Arrivals, AxisRecord, BusRecord, CycleRecord, LinkCounts, ModeTag, Stage, Timing,
+    Arrival, Arrivals, AxisRecord, BusRecord, CycleRecord, LinkCounts, ModeTag, Refusal, Stage, Timing,
 };
 use quadrant::base::sample::{Freshness, RawFeedback, Sample};
 use quadrant::base::setpoint::Setpoint;
@@ -43,6 +43,7 @@ pub(crate) fn record(axes: usize, cycle: u64) -> CycleRecord {
     let at = Moment::ZERO + Span::us(500) * cycle as i64;
     let phase = cycle as f64 * 1e-3;
     let axis = |axis: AxisId| AxisRecord {
+        refusal: Refusal::None,
         mode: ModeTag::Moving,
         fault: (cycle % 1000 == 999).then_some(Fault::FollowingError),
         gain_set: 1,

@@ -53,18 +53,14 @@ fn any_record() -> impl Strategy<Value = CycleRecord> {
 
 fn any_bus() -> impl Strategy<Value = BusRecord> {
     use BusState::{BusOff, ErrorActive, ErrorPassive, ErrorWarning};
-    let refusal = || prop::sample::select(vec![Refusal::None, Refusal::Full, Refusal::Down]);
     let state = prop::sample::select(vec![ErrorActive, ErrorWarning, ErrorPassive, BusOff]);
-    (state, refusal(), refusal(), any::<[u32; 3]>()).prop_map(
-        |(state, sync, commands, [reports, foreign, dropped])| BusRecord {
-            state,
-            sync,
-            commands,
-            reports,
-            foreign,
-            dropped,
-        },
-    )
+    (state, any_refusal(), any::<[u32; 3]>()).prop_map(|(state, sync, [reports, foreign, dropped])| {
+        BusRecord { state, sync, reports, foreign, dropped }
+    })
+}
+
+fn any_refusal() -> impl Strategy<Value = Refusal> {
+    prop::sample::select(vec![Refusal::None, Refusal::Full, Refusal::Down])
 }
 
 fn any_link() -> impl Strategy<Value = (Arrivals, LinkCounts)> {
@@ -102,10 +98,11 @@ fn any_axis() -> impl Strategy<Value = AxisRecord> {
         prop::sample::select(vec![Freshness::Never, Freshness::Fresh, Freshness::Stale]),
         any::<u8>().prop_map(Limits::from_bits),
         any::<(u8, u32, u16)>(),
+        any_refusal(),
     );
     (raw, any_link(), codes, proptest::array::uniform16(float())).prop_map(
         |(raw, (arrivals, link), codes, f)| {
-            let (mode, fault, freshness, limits, (gain_set, age_cycles, control_word)) = codes;
+            let (mode, fault, freshness, limits, (gain_set, age_cycles, control_word), refusal) = codes;
             AxisRecord {
                 mode,
                 fault,
@@ -126,6 +123,7 @@ fn any_axis() -> impl Strategy<Value = AxisRecord> {
                 },
                 arrivals,
                 link,
+                refusal,
                 command: Command {
                     current: Current::a(f[7]),
                     control_word,

@@ -30,12 +30,17 @@ pub trait Bus {
     fn send(&mut self, frame: &Frame) -> Result<(), SendError>;
 
     /// Queues several frames, in order. Never waits. A frame that is refused does not keep the others
-    /// from being sent; the first refusal is reported.
+    /// from being sent; `refused` is told its place among them, and why.
+    fn send_each(&mut self, frames: &[Frame], refused: &mut dyn FnMut(usize, SendError)) {
+        for (place, frame) in frames.iter().enumerate() {
+            self.send(frame).unwrap_or_else(|why| refused(place, why));
+        }
+    }
+
+    /// Queues several frames as [`Bus::send_each`]; the first refusal is reported.
     fn send_all(&mut self, frames: &[Frame]) -> Result<(), SendError> {
         let mut outcome = Ok(());
-        for frame in frames {
-            outcome = outcome.and(self.send(frame));
-        }
+        self.send_each(frames, &mut |_, why| outcome = outcome.and(Err(why)));
         outcome
     }
 

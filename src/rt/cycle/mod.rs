@@ -21,7 +21,7 @@ use crate::base::axis::PerAxis;
 use crate::base::command::{Command, Limits as Acted};
 use crate::base::fault::Fault;
 use crate::base::input::{Input, Inputs, What};
-use crate::base::record::{CycleRecord, LinkCounts, Stage, Timing};
+use crate::base::record::{CycleRecord, LinkCounts, Refusal, Stage, Timing};
 use crate::base::sample::Freshness;
 use crate::base::time::{Moment, Span};
 use crate::base::units::Acceleration;
@@ -121,8 +121,8 @@ impl Cycle {
         self.control(&observed, is_position_tick);
         let decided = clock();
         // A refusal stands in the record, and the next cycle judges it there.
-        let _refusal = self.drives.dispatch(bus, &self.commands, slot.number);
-        self.write_record(&observed, slot, Timing { collected, decided, ..slot.timing });
+        let refusals = self.drives.dispatch(bus, &self.commands, slot.number);
+        self.write_record(&observed, &refusals, slot, Timing { collected, decided, ..slot.timing });
         (&mut self.record, &self.inputs)
     }
 
@@ -186,7 +186,7 @@ impl Cycle {
             let limits = self.loops[axis].limits();
             let expected = self.loops[axis].expected();
             let is_lossy = self.losses[axis].cycle(losses(observation, &self.record.axes[axis].link));
-            let commands = self.record.bus.commands;
+            let commands = self.record.commands();
             let of_link = verdict::of_link(observation, *mode, commands, is_lossy, &self.settings);
             let violation = self.loops[axis].violation(&observation.sample);
             let of_axis = verdict::of_axis(observation, *mode, limits, &self.answers[axis], violation);
@@ -246,7 +246,13 @@ impl Cycle {
         }
     }
 
-    fn write_record(&mut self, observed: &PerAxis<Observation>, slot: &Slot, timing: Timing) {
+    fn write_record(
+        &mut self,
+        observed: &PerAxis<Observation>,
+        refusals: &PerAxis<Refusal>,
+        slot: &Slot,
+        timing: Timing,
+    ) {
         let record = &mut self.record;
         record.cycle = slot.number;
         record.timing = timing;
@@ -262,6 +268,7 @@ impl Cycle {
             row.arrivals = observed[axis].arrivals;
             row.link = observed[axis].link;
             row.command = self.commands[axis];
+            row.refusal = refusals[axis];
         }
     }
 }

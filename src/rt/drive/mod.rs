@@ -218,14 +218,14 @@ impl Drives<Operational> {
         self.phase.links.as_mut_slice().iter_mut().find(|link| link.node() == node)
     }
 
-    /// Sends each axis its command of `cycle`. An axis whose frame is refused does not keep the
-    /// others from getting theirs; the first refusal is reported.
+    /// Sends each axis its command of `cycle`, and says what became of it. An axis whose frame is refused
+    /// does not keep the others from getting theirs.
     pub fn dispatch<B: Bus>(
         &mut self,
         bus: &mut B,
         commands: &PerAxis<Command>,
         cycle: u64,
-    ) -> Result<(), SendError> {
+    ) -> PerAxis<Refusal> {
         let mut frames = [Frame::classic(Id::MAX, []); AXES_MAX];
         let axes = self.phase.links.as_mut_slice().iter_mut().zip(commands.as_slice());
         let mut count = 0;
@@ -233,9 +233,13 @@ impl Drives<Operational> {
             *slot = link.command_frame(command, cycle);
             count += 1;
         }
-        let outcome = bus.send_all(frames.get(..count).unwrap_or(&frames));
-        self.phase.bus.commands = refusal(outcome);
-        outcome
+        let mut refusals = PerAxis::filled(count, Refusal::None);
+        bus.send_each(frames.get(..count).unwrap_or(&frames), &mut |place, why| {
+            if let Some(of_axis) = refusals.as_mut_slice().get_mut(place) {
+                *of_axis = refusal(Err(why));
+            }
+        });
+        refusals
     }
 
     /// How the bus fares.

@@ -194,30 +194,29 @@ impl SocketCan {
     }
 
     /// Queues up to a batch of frames, all that can be.
-    fn send_batch(&mut self, frames: &[Frame]) -> Result<(), SendError> {
+    fn send_batch(&mut self, frames: &[Frame], refused: &mut dyn FnMut(usize, SendError)) {
         let mut raws = [Raw::EMPTY; batch::FRAMES];
-        let mut outcome = Ok(());
+        let mut places = [0; batch::FRAMES];
         let mut count = 0;
-        for frame in frames {
-            match (layout::encode(frame), raws.get_mut(count)) {
-                (Some(raw), Some(room)) => {
-                    *room = raw;
+        for (place, frame) in frames.iter().enumerate() {
+            match (layout::encode(frame), raws.get_mut(count), places.get_mut(count)) {
+                (Some(raw), Some(room), Some(of_raw)) => {
+                    (*room, *of_raw) = (raw, place);
                     count += 1;
                 }
                 // A report of a controller: no bus carries it.
-                _ => outcome = outcome.and(Err(SendError::Down)),
+                _ => refused(place, SendError::Down),
             }
         }
-        let mut rest = raws.get(..count).unwrap_or_default();
-        while !rest.is_empty() {
+        let mut next = 0;
+        while let Some(rest) = raws.get(next..count).filter(|rest| !rest.is_empty()) {
             let taken = self.push(rest).unwrap_or_else(|refusal| {
-                outcome = outcome.and(Err(refusal));
+                refused(places.get(next).copied().unwrap_or(next), refusal);
                 // The one that was refused does not keep the others from being sent.
                 1
             });
-            rest = rest.get(taken.max(1)..).unwrap_or_default();
+            next += taken.max(1);
         }
-        outcome
     }
 }
 
@@ -226,15 +225,13 @@ impl Bus for SocketCan {
         self.send_all(std::slice::from_ref(frame))
     }
 
-    fn send_all(&mut self, frames: &[Frame]) -> Result<(), SendError> {
+    fn send_each(&mut self, frames: &[Frame], refused: &mut dyn FnMut(usize, SendError)) {
         if self.search_at.is_some() {
             self.search(monotonic_now());
         }
-        let mut outcome = Ok(());
-        for batch in frames.chunks(batch::FRAMES) {
-            outcome = outcome.and(self.send_batch(batch));
+        for (number, batch) in frames.chunks(batch::FRAMES).enumerate() {
+            self.send_batch(batch, &mut |place, why| refused(number * batch::FRAMES + place, why));
         }
-        outcome
     }
 
     /// The next frame. An interface that goes down, or is removed, ends the wait before its deadline.
