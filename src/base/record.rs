@@ -154,6 +154,8 @@ pub struct BusRecord {
     pub state: BusState,
     /// What became of SYNC.
     pub sync: Refusal,
+    /// CRC-32 over all frames that the cycle gave to the bus, taken or not: identifiers and payloads.
+    pub sent_crc: u32,
     /// Reports of the own controller, since start.
     pub reports: u32,
     /// Frames that belong to no axis, or that only a host sends, since start.

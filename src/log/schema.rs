@@ -168,6 +168,7 @@ table!(CycleRecord as CYCLE_FIELDS, put_cycle, take_cycle {
     is_measured: bool ["-"] = stage.is_measured, "1 in the evaluated part of the motion";
     bus_state: u8 ["-"] = bus.state, "own controller: 0 error active, 1 error warning, 2 error passive, 3 bus-off";
     sync_refusal: u8 ["-"] = bus.sync, "what became of SYNC: 0 taken, 1 no room, 2 bus down";
+    sent_crc: u32 ["-"] = bus.sent_crc, "CRC-32 over identifier and payload of each frame given to the bus";
     bus_reports: u32 ["-"] = bus.reports, "reports of the own controller since start";
     foreign_frames: u32 ["-"] = bus.foreign, "frames since start that belong to no axis or that only a host sends";
     dropped_frames: u32 ["-"] = bus.dropped, "frames since start that came and were dropped because nobody took them";

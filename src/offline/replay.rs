@@ -93,6 +93,12 @@ pub fn replay<R: Read + Seek>(
     let mut replayer = Replayer::new(&machine, &inputs)?;
     let (mut recorded, mut inputs) = (first, inputs);
     loop {
+        // What a cycle lost is counted in the next record.
+        let next = log.next().transpose()?;
+        outcome.ended_early = next.and_then(|next| lost_inputs(&recorded, &next));
+        if outcome.ended_early.is_some() {
+            return Ok(outcome);
+        }
         let replayed = replayer.run(&recorded, &inputs);
         if let Some((field, recorded_text, replayed_text)) =
             schema::difference(&recorded, &replayed, &header.axes)
@@ -110,7 +116,7 @@ pub fn replay<R: Read + Seek>(
         if outcome.cycles.is_multiple_of(4_096) {
             progress(outcome.cycles);
         }
-        let Some(next) = log.next().transpose()? else { return Ok(outcome) };
+        let Some(next) = next else { return Ok(outcome) };
         outcome.ended_early = gap(&recorded, &next);
         if outcome.ended_early.is_some() {
             return Ok(outcome);
@@ -121,18 +127,21 @@ pub fn replay<R: Read + Seek>(
     }
 }
 
+/// Whether a cycle lost some of what it was told, by the next record's account.
+fn lost_inputs(record: &CycleRecord, next: &CycleRecord) -> Option<String> {
+    let lost = next.lost_records.saturating_sub(record.lost_records);
+    let absent = next.cycle.saturating_sub(record.cycle).saturating_sub(1);
+    let skipped = next.overruns.saturating_sub(record.overruns);
+    (absent == skipped && lost > 0).then(|| format!("{lost} inputs of cycle {} were lost", record.cycle))
+}
+
 /// What is missing between two records, if anything is.
 fn gap(before: &CycleRecord, next: &CycleRecord) -> Option<String> {
     let absent = next.cycle.saturating_sub(before.cycle).saturating_sub(1);
     let skipped = next.overruns.saturating_sub(before.overruns);
-    let lost = next.lost_records.saturating_sub(before.lost_records);
-    if absent != skipped {
-        Some(format!("{} records are missing after cycle {}", absent.saturating_sub(skipped), before.cycle))
-    } else if lost > 0 {
-        Some(format!("{lost} inputs were lost after cycle {}", before.cycle))
-    } else {
-        None
-    }
+    (absent != skipped).then(|| {
+        format!("{} records are missing after cycle {}", absent.saturating_sub(skipped), before.cycle)
+    })
 }
 
 /// The cycle of today between a recorded bus and recorded orders.

@@ -59,8 +59,8 @@ pub struct RecordDrain {
     pub wake_error_ns_max: Arc<AtomicU64>,
 }
 
-/// Inputs on their way: seconds of a bus on which every frame is a stray one.
-const RING_INPUTS: usize = 4_096;
+/// Inputs on their way: those of a second host, three frames in each period, for 2.7 s at 2 kHz.
+const RING_INPUTS: usize = 16_384;
 
 /// A ring for `capacity` records.
 pub fn record_ring(capacity: usize) -> (RecordRing, RecordDrain) {

@@ -84,8 +84,10 @@ fn names(checks: &[&Check]) -> String {
     checks.iter().map(|check| check.name).collect::<Vec<_>>().join(", ")
 }
 
-/// What the frames of a cycle leave of its period: after a later wake-up they run into the next one.
+/// After a later wake-up the answers miss the reply window, or the commands run into the next period.
 fn wake_error_max(machine: &Machine) -> Span {
     let load = BusLoad::of(machine);
-    machine.cycle.period - Span::s(load.replies_s + load.commands_s)
+    let of_replies = machine.cycle.reply_window - Span::s(load.replies_s);
+    let of_period = machine.cycle.period - Span::s(load.replies_s + load.commands_s);
+    of_replies.min(of_period)
 }

@@ -67,7 +67,8 @@ pub struct Cycle {
     commands: PerAxis<Command>,
     profile: Profile,
     overruns: Bucket,
-    overruns_seen: u64,
+    /// Before the first cycle none is missed: the grid may begin before the threads are there.
+    overruns_seen: Option<u64>,
     losses: PerAxis<Bucket>,
     next_order_slot: u64,
     record: CycleRecord,
@@ -87,7 +88,7 @@ impl Cycle {
             commands: PerAxis::filled(count, Command::default()),
             profile: Profile::new(count),
             overruns: Bucket::new(settings.overruns),
-            overruns_seen: 0,
+            overruns_seen: None,
             losses: PerAxis::filled(count, Bucket::new(settings.losses)),
             next_order_slot: 0,
             record: CycleRecord::empty(count),
@@ -178,8 +179,8 @@ impl Cycle {
     /// What is wrong, what was wished, and so the mode of each axis.
     fn decide(&mut self, wish: Wish, observed: &PerAxis<Observation>, slot: &Slot) {
         let now = slot.timing.scheduled;
-        let is_overrun = self.overruns.cycle(slot.overruns - self.overruns_seen);
-        self.overruns_seen = slot.overruns;
+        let seen = self.overruns_seen.replace(slot.overruns).unwrap_or(slot.overruns);
+        let is_overrun = self.overruns.cycle(slot.overruns - seen);
         let any_fault = self.modes.as_slice().iter().any(|mode| mode.fault().is_some());
         for (axis, mode) in self.modes.iter_mut() {
             let observation = &observed[axis];

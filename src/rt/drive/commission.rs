@@ -17,6 +17,9 @@ use crate::rt::bus::{Bus, Received, SendError};
 use crate::rt::wire::parameter::{self, Abort, Access, Object};
 use crate::rt::wire::{Address, Node};
 
+/// How long is listened for another host before a board is asked: 40 periods at 2 kHz, 20 at 1 kHz.
+const LISTEN: Span = Span::ms(20);
+
 /// How patiently boards are asked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CommissionSettings {
@@ -95,6 +98,9 @@ pub enum CommissionError {
         /// What the board says, in the unit of the object.
         got: u32,
     },
+    /// Another host drives this bus.
+    #[error("another host sends SYNC or commands on this bus: stop it first")]
+    SecondHost,
     /// The hash differs and no single value does: the firmware hashes something else.
     #[error(
         "axis {axis}: firmware-config hash of {node} is {got:08x}h, expected {expected:08x}h, \
@@ -124,6 +130,7 @@ impl Drives<Configuring> {
         let Configuring { settings: drives, period } = self.phase;
         let links = drives.map(|_, drive| Link::new(drive, period));
         let mut inquiry = Inquiry { bus, clock, settings, links, heard: [None; AXES_MAX] };
+        inquiry.listen()?;
         for (axis, drive) in drives.iter() {
             inquiry.check_identity(axis, drive)?;
             inquiry.check_firmware_config(axis, drive)?;
@@ -172,6 +179,29 @@ struct Inquiry<'bus, B, C> {
 }
 
 impl<B: Bus, C: FnMut() -> Moment> Inquiry<'_, B, C> {
+    /// A host that runs already would be cut off by our first cycle, and its axes with it.
+    fn listen(&mut self) -> Result<(), CommissionError> {
+        let deadline = (self.clock)() + LISTEN;
+        loop {
+            let now = (self.clock)();
+            match self.bus.receive(deadline) {
+                Some(received) => self.note(&received)?,
+                None if now >= deadline => return Ok(()),
+                None => {}
+            }
+        }
+    }
+
+    /// Takes what is no reply: a heartbeat, or the voice of another host.
+    fn note(&mut self, received: &Received) -> Result<(), CommissionError> {
+        match Address::of(received.frame.id()) {
+            Some(Address::Sync | Address::Command(_)) => return Err(CommissionError::SecondHost),
+            Some(Address::Heartbeat(_)) => take_heartbeat(&mut self.links, &mut self.heard, received),
+            Some(_) | None => {}
+        }
+        Ok(())
+    }
+
     fn check_identity(&mut self, axis: AxisId, drive: &DriveSettings) -> Result<(), CommissionError> {
         for object in [Object::Vendor, Object::Product, Object::Revision, Object::Serial] {
             let expected = drive.sheet.value(object).or(drive.serial);
@@ -219,7 +249,7 @@ impl<B: Bus, C: FnMut() -> Moment> Inquiry<'_, B, C> {
             if let Err(cause) = self.bus.send(&request) {
                 return Err(CommissionError::Unsent { axis, node, object, cause });
             }
-            if let Some(outcome) = self.reply(node, object) {
+            if let Some(outcome) = self.reply(node, object)? {
                 return outcome.map_err(|abort| CommissionError::Refused { axis, node, object, abort });
             }
         }
@@ -227,28 +257,25 @@ impl<B: Bus, C: FnMut() -> Moment> Inquiry<'_, B, C> {
     }
 
     /// Waits for the reply about `object`; what else comes meanwhile is heard and dropped.
-    fn reply(&mut self, node: Node, object: Object) -> Option<Result<u32, Abort>> {
+    fn reply(&mut self, node: Node, object: Object) -> Result<Option<Result<u32, Abort>>, CommissionError> {
         let deadline = (self.clock)() + self.settings.reply_timeout;
         loop {
             let now = (self.clock)();
             let Some(received) = self.bus.receive(deadline) else {
                 if now >= deadline {
-                    return None;
+                    return Ok(None);
                 }
                 continue;
             };
             match Address::of(received.frame.id()) {
                 Some(Address::ParameterReply(from)) if from == node => {
                     match parameter::decode_reply(&received.frame) {
-                        Ok((address, outcome)) if address == object.address() => return Some(outcome),
+                        Ok((address, outcome)) if address == object.address() => return Ok(Some(outcome)),
                         // The answer to an earlier request, or not readable: ours may still come.
                         Ok(_) | Err(_) => {}
                     }
                 }
-                Some(Address::Heartbeat(_)) => {
-                    take_heartbeat(&mut self.links, &mut self.heard, &received);
-                }
-                Some(_) | None => {}
+                Some(_) | None => self.note(&received)?,
             }
         }
     }

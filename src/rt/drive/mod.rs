@@ -156,7 +156,9 @@ impl Drives<Operational> {
         until: Moment,
         inputs: &mut Inputs,
     ) -> PerAxis<Observation> {
-        self.phase.bus.sync = refusal(bus.send(&command::encode_sync(cycle as u32)));
+        let sync = command::encode_sync(cycle as u32);
+        self.phase.bus.sent_crc = checksum(0, std::slice::from_ref(&sync));
+        self.phase.bus.sync = refusal(bus.send(&sync));
         self.phase.is_second_host = false;
         for received in self.phase.before.iter_mut().filter_map(Option::take) {
             inputs.push(Input { cycle, what: What::Before(received) });
@@ -198,6 +200,10 @@ impl Drives<Operational> {
             bus.state = controller::decode(frame).map_or(bus.state, |report| report.state_after(bus.state));
             return Taken::Aside;
         }
+        if self.phase.bus.state == BusState::BusOff {
+            // Who hears a frame takes part again: an interface that was set down and up does not say so.
+            self.phase.bus.state = BusState::ErrorActive;
+        }
         let address = Address::of(frame.id());
         // A host of our own makes it to be the only one.
         self.phase.is_second_host |= matches!(address, Some(Address::Sync | Address::Command(_)));
@@ -233,8 +239,10 @@ impl Drives<Operational> {
             *slot = link.command_frame(command, cycle);
             count += 1;
         }
+        let frames = frames.get(..count).unwrap_or(&frames);
+        self.phase.bus.sent_crc = checksum(self.phase.bus.sent_crc, frames);
         let mut refusals = PerAxis::filled(count, Refusal::None);
-        bus.send_each(frames.get(..count).unwrap_or(&frames), &mut |place, why| {
+        bus.send_each(frames, &mut |place, why| {
             if let Some(of_axis) = refusals.as_mut_slice().get_mut(place) {
                 *of_axis = refusal(Err(why));
             }
@@ -257,6 +265,16 @@ enum Taken {
     Held,
     /// Anything else.
     Aside,
+}
+
+/// CRC-32 over identifiers and payloads, carried on.
+fn checksum(so_far: u32, frames: &[Frame]) -> u32 {
+    let mut hasher = crc32fast::Hasher::new_with_initial(so_far);
+    for frame in frames {
+        hasher.update(&frame.id().raw().to_le_bytes());
+        hasher.update(frame.payload());
+    }
+    hasher.finalize()
 }
 
 const fn refusal(outcome: Result<(), SendError>) -> Refusal {

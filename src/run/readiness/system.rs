@@ -139,15 +139,16 @@ impl Interface {
         let mut interrupts = interrupt_threads(root);
         interrupts.retain(|thread| is_of(thread, name, &of_device));
         let is_there = device.exists();
-        Self { name: name.to_owned(), is_there, is_virtual: is_virtual(&device), interrupts }
+        Self { name: name.to_owned(), is_there, is_virtual: is_virtual(&device, name), interrupts }
     }
 }
 
-/// An interface that does not exist is taken for a real one: it may come back with a machine behind it.
-fn is_virtual(device: &Path) -> bool {
+/// Only a `vcan` by name and place is taken for virtual. An adapter on a serial line (slcan) has no device either,
+/// and one that does not exist may come back with a machine behind it.
+fn is_virtual(device: &Path, name: &str) -> bool {
     let place = device.canonicalize().unwrap_or_default();
     let steps: Vec<_> = place.components().map(|step| step.as_os_str().to_owned()).collect();
-    steps.windows(2).any(|pair| pair[0] == "devices" && pair[1] == "virtual")
+    name.starts_with("vcan") && steps.windows(2).any(|pair| pair[0] == "devices" && pair[1] == "virtual")
 }
 
 /// What the threads of a controller's interrupts are called by: numbers, and names.
@@ -261,19 +262,21 @@ mod tests {
     }
 
     #[test]
-    fn an_interface_without_a_controller_is_virtual() {
+    fn only_a_vcan_is_virtual() {
         let root = tree(&[
             ("sys/devices/virtual/net/vcan0/mtu", "72"),
+            ("sys/devices/virtual/net/slcan0/mtu", "16"),
             ("sys/devices/pci0000:00/0000:00:05.0/net/can0/mtu", "72"),
             ("sys/class/net/bonding_masters", ""),
         ]);
         let net = root.path().join("sys/class/net");
         symlink("../../devices/virtual/net/vcan0", net.join("vcan0")).unwrap();
+        symlink("../../devices/virtual/net/slcan0", net.join("slcan0")).unwrap();
         symlink("../../devices/pci0000:00/0000:00:05.0/net/can0", net.join("can0")).unwrap();
         let read = |name| System::read(root.path(), Some(name)).interface.unwrap();
         let kind = |name| (read(name).is_there, read(name).is_virtual);
         assert_eq!(["vcan0", "can0", "can7"].map(kind), [(true, true), (true, false), (false, false)]);
-        assert!(System::read(Path::new("/"), Some("lo")).interface.unwrap().is_virtual, "of this computer");
+        assert_eq!(kind("slcan0"), (true, false), "a machine may be at the end of a serial line");
     }
 
     #[test]
