@@ -57,6 +57,25 @@ impl<F: Fn() -> Rack> Bus for Behind<'_, F> {
     }
 }
 
+/// A machine that hears so many frames more.
+struct Mortal<B> {
+    behind: B,
+    lifetime: usize,
+}
+
+impl<B: Bus> Bus for Mortal<B> {
+    fn send(&mut self, frame: &Frame) -> Result<(), SendError> {
+        if self.lifetime == 0 {
+            return Ok(());
+        }
+        self.lifetime -= 1;
+        self.behind.send(frame)
+    }
+    fn receive(&mut self, until: Moment) -> Option<Received> {
+        self.behind.receive(until)
+    }
+}
+
 /// What each cycle was told and what it did, as text.
 #[derive(Debug, Default)]
 struct Told {
@@ -66,6 +85,7 @@ struct Told {
 
 impl Records for Told {
     fn put(&mut self, record: &CycleRecord, inputs: &Inputs) {
+        assert!(self.cycles.len() < 100_000, "the run does not end");
         let inputs: Vec<_> = inputs.iter().collect();
         self.cycles.push(format!("{record:?} {inputs:?}"));
         self.stale += u64::from(record.axes.as_slice().iter().any(|axis| axis.sample.age_cycles > 0));
@@ -102,7 +122,7 @@ fn in_lock_step<F: Fn() -> Rack>(
     to_the_host: Faults,
 ) -> (Told, Ending) {
     let behind = Behind { session, way: Way::default() };
-    let bus = Lockstep::begin(behind, Span::s(10.0)).expect("it answers at once");
+    let bus = Lockstep::begin_on(behind, Span::s(10.0)).expect("it answers at once");
     run(machine, bus, from_the_host, to_the_host)
 }
 
@@ -147,6 +167,23 @@ fn faults_of_the_line_are_the_same_faults() {
         let mut session = Session::new(|| machine.rack(SEED));
         assert_same(&memory, &in_lock_step(&machine, &mut session, from_the_host, to_the_host));
         assert!(memory.0.stale > 2, "nothing was lost");
+    }
+}
+
+#[test]
+fn a_machine_that_dies_ends_the_run_wherever_it_stood() {
+    let machine = config::load("reference").expect("an embedded machine");
+    let patience = Span::ms(1);
+    // Frames it hears before it dies: marker 0, eight questions with a marker each; then from the first SYNC
+    // through enabling into the motion.
+    let commissioning = 17;
+    for lifetime in (commissioning..200).chain((200..20_000).step_by(990)) {
+        let mut session = Session::new(|| machine.rack(SEED));
+        let behind = Mortal { behind: Behind { session: &mut session, way: Way::default() }, lifetime };
+        let bus = Lockstep::begin_on(behind, patience).expect("it answers at first");
+        let (told, ending) = run(&machine, bus, Faults::NONE, Faults::NONE);
+        assert!(matches!(ending, Ending::Faulted(..)), "died after {lifetime} frames: {ending:?}");
+        assert!(told.cycles.len() < lifetime / 4 + 100, "{} cycles for {lifetime} frames", told.cycles.len());
     }
 }
 

@@ -52,6 +52,16 @@ impl Parameters {
         fall_start: Velocity::mm_per_s(0.1),
         viscous_n_s_per_m: 0.0,
     };
+
+    /// All forces multiplied; the speeds at which they change stay.
+    pub fn scaled(self, factor: f64) -> Self {
+        Self {
+            breakaway: self.breakaway * factor,
+            sliding: self.sliding * factor,
+            viscous_n_s_per_m: self.viscous_n_s_per_m * factor,
+            ..self
+        }
+    }
 }
 
 /// The law with its divisions done.

@@ -53,10 +53,12 @@ impl<T: Send + 'static> Prepared<T> {
     /// # Errors
     /// On a real bus what is missing refuses to arm, unless `allow_jitter`.
     pub fn judge(&self, allow_jitter: bool) -> anyhow::Result<()> {
-        for Check { name, found, state, .. } in &self.checks {
+        for check in &self.checks {
+            let Check { name, found, state, .. } = check;
             match state {
                 State::Held => info!("{name}: {found}"),
-                State::Missing { mend } => warn!("{name}: {found}; to mend: {mend}"),
+                State::Missing { mend } if check.is_required => warn!("{name}: {found}; to mend: {mend}"),
+                State::Missing { mend } => info!("{name}: {found}; not required: {mend}"),
             }
         }
         match verdict(&self.checks, self.bus_is_real, allow_jitter) {

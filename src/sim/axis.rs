@@ -9,13 +9,14 @@ use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64Mcg;
 
 use super::board::{Board, Measured};
+use super::script::{Effect, Kind};
 use crate::base::time::{Moment, Span};
-use crate::base::units::Current;
+use crate::base::units::{Current, Position};
 use crate::plant::encoder::{Knot, Latch};
 use crate::plant::{self, Plant};
 use crate::rt::bus::Frame;
 use crate::rt::drive::sheet::Sheet;
-use crate::rt::wire::scaling::{AxisScale, EncoderCounts};
+use crate::rt::wire::scaling::{AxisScale, CurrentCounts, EncoderCounts};
 use crate::rt::wire::{Address, Layout, Node, command};
 
 /// One axis of a rack.
@@ -51,6 +52,8 @@ pub(super) struct Axis {
     settings: AxisSettings,
     pub(super) board: Board,
     plant: Plant,
+    /// What the plant is by now; a script may have made it differ from the settings.
+    parameters: plant::Parameters,
     motor: Latch,
     table: Latch,
     noise: Option<Normal<f64>>,
@@ -70,6 +73,7 @@ impl Axis {
             settings: *settings,
             board: Board::new(node, layout, sheet, serial, motor, table, now),
             plant: Plant::with_fine_steps(&settings.plant, step, fine_steps),
+            parameters: settings.plant,
             motor: Latch::new(feedback_latency, step),
             table: Latch::new(feedback_latency, step),
             noise: Normal::new(0.0, settings.current_noise.as_a()).ok().filter(|noise| noise.std_dev() > 0.0),
@@ -80,6 +84,16 @@ impl Axis {
     /// Current that the board gives now.
     pub(super) fn current(&self) -> Current {
         self.settings.scale.current(self.board.current_to_apply())
+    }
+
+    /// Node and layout of its board.
+    pub(super) const fn address(&self) -> (Node, Layout) {
+        (self.settings.node, self.settings.layout)
+    }
+
+    /// Where its motor is, as an encoder without counts would tell it at the end of the last step.
+    pub(super) fn sensed(&self) -> Position {
+        self.motor.position(Span::ZERO)
     }
 
     /// What the axis really does.
@@ -117,5 +131,66 @@ impl Axis {
             current: scale.current_counts(self.plant.state().current + Current::a(noise_a)),
         };
         self.board.latch(cycle, measured, at);
+    }
+
+    /// A fault begins.
+    pub(super) fn begin(&mut self, effect: &Effect, now: Moment) {
+        let AxisSettings { scale, plant: original, .. } = self.settings;
+        match *effect {
+            Effect::EncoderFrozen => self.board.set_encoder_frozen(true),
+            Effect::EncoderError => self.board.set_encoder_error(true),
+            Effect::EncoderJump(way) => self.board.jump_encoder(scale.motor_counts(way)),
+            Effect::EncoderWrap(way) => {
+                self.board.place_before_wrap(scale.motor_counts(way), scale.table_counts(way));
+            }
+            Effect::SilentBoard => self.board.set_silent(true),
+            Effect::BoardReset => self.board.reset(now),
+            Effect::BoardPowerCycle => self.board.power_cycle(now),
+            Effect::BoardBusOff => self.board.set_off_bus(true),
+            Effect::DriveFault(code) => self.board.trip_drive(code, 0),
+            Effect::CurrentSaturation(most) => {
+                // The sign of the counts is the sense of the encoder, not of the limit.
+                let counts = CurrentCounts::ua(scale.current_counts(most).as_ua().saturating_abs());
+                self.board.limit_current(Some(counts));
+            }
+            Effect::WrongIdentity(product) => {
+                self.board.reprogram(Sheet { product, ..self.settings.sheet });
+            }
+            Effect::WrongFirmwareConfig { watchdog_us } => {
+                self.board.reprogram(Sheet { watchdog_us, ..self.settings.sheet });
+            }
+            Effect::Load(factor) => {
+                self.parameters.mechanics.mass_kg = original.mechanics.mass_kg * factor;
+                self.plant.change(&self.parameters);
+            }
+            Effect::Friction(factor) => {
+                self.parameters.friction = original.friction.scaled(factor);
+                self.plant.change(&self.parameters);
+            }
+            Effect::Backlash(width) => {
+                self.parameters.mechanics.backlash_m = width.as_m();
+                self.plant.change(&self.parameters);
+            }
+            Effect::LostFrames(_)
+            | Effect::LateFrames { .. }
+            | Effect::RepeatedFrames(_)
+            | Effect::ReorderedFrames(_)
+            | Effect::CorruptedFrames(_)
+            | Effect::SecondHost(_)
+            | Effect::ControllerBusOff
+            | Effect::ControllerErrorPassive => {}
+        }
+    }
+
+    /// A fault that lasts ends; what happened at once stays.
+    pub(super) fn end(&mut self, effect: &Effect) {
+        match effect.kind() {
+            Kind::EncoderFrozen => self.board.set_encoder_frozen(false),
+            Kind::EncoderError => self.board.set_encoder_error(false),
+            Kind::SilentBoard => self.board.set_silent(false),
+            Kind::BoardBusOff => self.board.set_off_bus(false),
+            Kind::CurrentSaturation => self.board.limit_current(None),
+            _ => {}
+        }
     }
 }

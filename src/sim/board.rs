@@ -10,8 +10,8 @@
 //! quick stop active, an emergency is sent and a flag stands in every feedback. A tripped watchdog
 //! refuses to enable until it is told to disable voltage, or reset.
 //!
-//! Faults can be injected by plain methods: silence, a frozen, jumping or failed encoder, a reset, a
-//! loss of power, a drive fault, a false parameter.
+//! Faults can be injected by plain methods (`injected.rs`): silence, a frozen, jumping or failed encoder, a
+//! reset, a loss of power or of the bus, a drive fault, a weak drive, a false parameter.
 //! Invariant: current flows in operation enabled and in no other state.
 
 mod injected;
@@ -100,6 +100,8 @@ struct Injected {
     is_encoder_frozen: bool,
     has_encoder_error: bool,
     has_drive_fault: bool,
+    is_off_bus: bool,
+    current_max: Option<CurrentCounts>,
     false_value: Option<(Object, u32)>,
 }
 
@@ -145,7 +147,7 @@ impl Board {
     /// Current the drive makes now: zero unless operation is enabled.
     pub fn current_to_apply(&self) -> CurrentCounts {
         match self.drive {
-            DriveState::OperationEnabled => self.command.current,
+            DriveState::OperationEnabled => self.command.current.clamp_abs(self.peak_current()),
             DriveState::NotReadyToSwitchOn
             | DriveState::SwitchOnDisabled
             | DriveState::ReadyToSwitchOn
@@ -186,6 +188,9 @@ impl Board {
     /// Takes any frame of the bus but SYNC; what is not for this board is ignored.
     pub fn hear(&mut self, frame: &Frame, now: Moment) {
         self.advance(now);
+        if self.injected.is_off_bus {
+            return;
+        }
         match Address::of(frame.id()) {
             Some(Address::Command(node)) if node == self.node => {
                 if let Ok(raw) = self.layout.decode_command(frame) {
@@ -204,6 +209,9 @@ impl Board {
     /// Takes the SYNC of `cycle`: latches what the sensors show and answers with feedback.
     pub fn latch(&mut self, cycle: u32, measured: Measured, now: Moment) {
         self.advance(now);
+        if self.injected.is_off_bus {
+            return;
+        }
         if let Some(waiting) = self.command.waiting.take() {
             self.apply(waiting, now);
         }
@@ -243,10 +251,13 @@ impl Board {
 
     fn apply(&mut self, raw: RawCommand, now: Moment) {
         self.watchdog.fed = now;
-        let peak = self.sheet.peak_current();
-        self.command.current = raw.current.clamp_abs(peak);
+        self.command.current = raw.current.clamp_abs(self.peak_current());
         self.command.is_saturated = raw.current != self.command.current;
         self.step_drive(raw.control_word);
+    }
+
+    fn peak_current(&self) -> CurrentCounts {
+        self.injected.current_max.unwrap_or(self.sheet.peak_current())
     }
 
     /// Gives the state machine a control word, seen through the watchdog's latch.
@@ -339,7 +350,7 @@ impl Board {
     }
 
     fn post(&mut self, frame: Frame) {
-        if self.injected.is_silent {
+        if self.injected.is_silent || self.injected.is_off_bus {
             return;
         }
         if self.outbox.len() < OUTBOX_FRAMES {

@@ -21,11 +21,14 @@ use std::collections::VecDeque;
 
 use super::axis::{Axis, AxisSettings, Stepping};
 use super::board::Board;
+use super::script::Script;
+use super::script::player::Player;
 use crate::base::axis::{AxisId, PerAxis};
 use crate::base::time::{Moment, Span};
 use crate::base::units::Current;
 use crate::plant;
-use crate::rt::bus::{Bus, Received};
+use crate::rt::bus::{Bus, Frame, Received};
+use crate::rt::wire::Address;
 
 /// Longest step.
 const STEP_MAX: Span = Span::us(50);
@@ -38,13 +41,11 @@ pub struct LiveRack {
     step: Span,
     /// End of the last step.
     stepped: Moment,
-    axes: Vec<LiveAxis>,
-}
-
-#[derive(Debug)]
-struct LiveAxis {
-    axis: Axis,
-    current: CurrentLine,
+    axes: Vec<Axis>,
+    /// Of each axis.
+    currents: Vec<CurrentLine>,
+    period: Span,
+    player: Player,
 }
 
 impl LiveRack {
@@ -54,71 +55,86 @@ impl LiveRack {
         let steps = ((period + STEP_MAX - Span::ns(1)) / STEP_MAX).max(STEPS_MIN);
         let step = Span::ns(period.as_ns() / steps);
         let axis = |(id, settings): (AxisId, &AxisSettings)| {
-            LiveAxis::new(settings, step, seed.wrapping_add(id.index() as u64), power_on)
+            // The dead time is kept here: it may be many steps long.
+            let mut prompt = *settings;
+            prompt.plant.actuator.dead_time = Span::ZERO;
+            let stepping = Stepping { step, fine_steps: 1 };
+            Axis::new(&prompt, stepping, seed.wrapping_add(id.index() as u64), power_on)
         };
-        Self { step, stepped: power_on, axes: axes.iter().map(axis).collect() }
+        let current = |axis: &AxisSettings| CurrentLine::new(axis.plant.actuator.dead_time);
+        Self {
+            step,
+            stepped: power_on,
+            axes: axes.iter().map(axis).collect(),
+            currents: axes.as_slice().iter().map(current).collect(),
+            period,
+            player: Player::default(),
+        }
+    }
+
+    /// The same machine, in which something goes wrong.
+    pub fn with_script(mut self, script: &Script) -> Self {
+        self.player = Player::new(script, self.period, &mut self.axes);
+        self
     }
 
     /// Serve the bus until a moment: each frame that comes is answered at once, as of when it came.
     pub fn serve(&mut self, bus: &mut impl Bus, until: Moment) {
         while let Some(received) = bus.receive(until) {
             self.hear(&received);
-            self.speak(bus);
+            self.player.speak(&mut self.axes, received.at, bus);
         }
         self.advance_to(until);
-        self.speak(bus);
+        self.player.speak(&mut self.axes, until, bus);
     }
 
     /// A frame came.
     pub fn hear(&mut self, received: &Received) {
-        self.advance_to(received.at);
-        let after = received.at - self.stepped;
-        for LiveAxis { axis, current } in &mut self.axes {
-            axis.hear(&received.frame, received.at, after);
-            current.note(axis.current(), received.at);
+        let Received { frame, at } = received;
+        self.advance_to(*at);
+        if Address::of(frame.id()) == Some(Address::Sync) {
+            self.player.begin(*at);
         }
+        self.player.pass(*at, &mut self.axes);
+        let after = *at - self.stepped;
+        let Self { player, axes, currents, .. } = self;
+        player.hear(Some(frame), *at, |frame| reach(axes, currents, frame, *at, after));
     }
 
     /// Time passes, whether or not the host is heard.
     pub fn advance_to(&mut self, now: Moment) {
         while self.stepped + self.step <= now {
             let end = self.stepped + self.step;
-            for LiveAxis { axis, current } in &mut self.axes {
+            for (axis, current) in self.axes.iter_mut().zip(&mut self.currents) {
                 axis.step(current.mean(self.stepped, end), end);
                 current.note(axis.current(), end);
             }
             self.stepped = end;
-        }
-    }
-
-    /// Put on the bus what the boards have to say.
-    fn speak(&mut self, bus: &mut impl Bus) {
-        for LiveAxis { axis, .. } in &mut self.axes {
-            while let Some(answer) = axis.board.speak() {
-                // A full bus loses a frame, as a real one does; the host sees it missing.
-                let _lost = bus.send(&answer);
+            let Self { player, axes, currents, .. } = self;
+            player.pass(end, axes);
+            for said in player.second_hosts(end, axes) {
+                reach(axes, currents, &said, end, Span::ZERO);
             }
+            player.hear(None, end, |frame| reach(axes, currents, frame, end, Span::ZERO));
         }
     }
 
     /// The board of an axis, to make it fail.
     pub fn board_mut(&mut self, axis: AxisId) -> &mut Board {
-        &mut self.axes[axis.index()].axis.board
+        &mut self.axes[axis.index()].board
     }
 
     /// What an axis really did at the end of the last step.
     pub fn state(&self, axis: AxisId) -> plant::State {
-        self.axes[axis.index()].axis.state()
+        self.axes[axis.index()].state()
     }
 }
 
-impl LiveAxis {
-    fn new(settings: &AxisSettings, step: Span, seed: u64, power_on: Moment) -> Self {
-        // The dead time is kept here: it may be many steps long.
-        let mut prompt = *settings;
-        prompt.plant.actuator.dead_time = Span::ZERO;
-        let axis = Axis::new(&prompt, Stepping { step, fine_steps: 1 }, seed, power_on);
-        Self { axis, current: CurrentLine::new(settings.plant.actuator.dead_time) }
+/// A frame comes to all boards, so long after the end of the last step.
+fn reach(axes: &mut [Axis], currents: &mut [CurrentLine], frame: &Frame, at: Moment, after: Span) {
+    for (axis, current) in axes.iter_mut().zip(currents) {
+        axis.hear(frame, at, after);
+        current.note(axis.current(), at);
     }
 }
 

@@ -7,5 +7,6 @@ pub mod board; //       a board and its drive, seen from the bus
 mod axis; //            a board, its plant and the sensors between them
 pub mod rack; //        all boards of a machine, in virtual time
 pub mod live_rack; //   the same on the wall clock
+pub mod script; //      what goes wrong, and when
 pub mod closed_loop; // the shipped cycle and a rack in one process
 pub mod session; //     a rack behind a bus of another process

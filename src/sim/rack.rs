@@ -8,8 +8,11 @@
 
 use super::axis::{Axis, Stepping};
 use super::board::Board;
+use super::script::Script;
+use super::script::player::Player;
 use crate::base::axis::{AxisId, PerAxis};
 use crate::base::time::{Moment, Span};
+use crate::base::units::{Current, Position};
 use crate::plant::{self, FINE_STEPS};
 use crate::rt::bus::{Bus, Frame};
 use crate::rt::wire::{Address, command};
@@ -23,6 +26,7 @@ pub struct Rack {
     now: Moment,
     last_cycle: Option<u32>,
     axes: Vec<Axis>,
+    player: Player,
 }
 
 impl Rack {
@@ -33,19 +37,21 @@ impl Rack {
         let axis = |(id, settings): (AxisId, &AxisSettings)| {
             Axis::new(settings, stepping, seed.wrapping_add(id.index() as u64), Moment::ZERO)
         };
-        Self { period, now: Moment::ZERO, last_cycle: None, axes: axes.iter().map(axis).collect() }
+        let axes = axes.iter().map(axis).collect();
+        Self { period, now: Moment::ZERO, last_cycle: None, axes, player: Player::default() }
+    }
+
+    /// The same machine, in which something goes wrong.
+    pub fn with_script(mut self, script: &Script) -> Self {
+        self.player = Player::new(script, self.period, &mut self.axes);
+        self
     }
 
     /// Hear all frames that wait at this end of the bus, and put the answers on it.
     pub fn serve(&mut self, bus: &mut impl Bus) {
         while let Some(received) = bus.receive(self.now) {
             self.hear(&received.frame);
-            for axis in &mut self.axes {
-                while let Some(answer) = axis.board.speak() {
-                    // A full bus loses a frame, as a real one does; the host sees it missing.
-                    let _lost = bus.send(&answer);
-                }
-            }
+            self.player.speak(&mut self.axes, self.now, bus);
         }
     }
 
@@ -55,21 +61,26 @@ impl Rack {
         {
             self.pass_to(cycle);
         }
-        for axis in &mut self.axes {
-            axis.hear(frame, self.now, Span::ZERO);
-        }
+        let Self { player, axes, now, .. } = self;
+        player.hear(Some(frame), *now, |frame| reach(axes, frame, *now));
     }
 
     /// The periods up to this cycle are over.
     fn pass_to(&mut self, cycle: u32) {
         // A counter that has stood still or gone back is a repeated or late SYNC: no time has passed.
         let elapsed = self.last_cycle.map_or(0, |last| cycle.wrapping_sub(last) as i32).max(0);
+        self.player.begin(self.now);
         for _ in 0..elapsed {
+            for said in self.player.second_hosts(self.now + self.period, &self.axes) {
+                reach(&mut self.axes, &said, self.now);
+            }
             self.now = self.now + self.period;
             for axis in &mut self.axes {
                 axis.step(axis.current(), self.now);
             }
+            self.player.pass(self.now, &mut self.axes);
         }
+        self.player.pass(self.now, &mut self.axes);
         self.last_cycle = Some(cycle);
     }
 
@@ -81,5 +92,22 @@ impl Rack {
     /// What an axis really does.
     pub fn state(&self, axis: AxisId) -> plant::State {
         self.axes[axis.index()].state()
+    }
+
+    /// Where the motor of an axis is, as a perfect encoder would be latched by a SYNC now.
+    pub fn sensed(&self, axis: AxisId) -> Position {
+        self.axes[axis.index()].sensed()
+    }
+
+    /// Current that the drive of an axis gives now.
+    pub fn current(&self, axis: AxisId) -> Current {
+        self.axes[axis.index()].current()
+    }
+}
+
+/// A frame comes to all boards.
+fn reach(axes: &mut [Axis], frame: &Frame, now: Moment) {
+    for axis in axes {
+        axis.hear(frame, now, Span::ZERO);
     }
 }

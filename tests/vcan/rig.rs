@@ -10,6 +10,9 @@ use quadrant::rt::bus::{Bus, Frame, Id, Received};
 use quadrant::rt::clock::monotonic_now;
 use socketcan::{CanSocket, Socket};
 
+/// Said where one of their tools is missing.
+pub(crate) const CAN_UTILS: &str = "candump, cansend and cangen are in the package can-utils";
+
 /// Says something past the capture of the test harness.
 pub(crate) fn say(text: &str) {
     let _unheard = writeln!(std::io::stderr(), "{text}");

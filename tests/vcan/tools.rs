@@ -9,7 +9,7 @@ use quadrant::base::time::Span;
 use quadrant::rt::bus::{Bus, Format, Frame, Id, Received};
 use quadrant::rt::clock::monotonic_now;
 
-use crate::rig::{Interface, drain};
+use crate::rig::{CAN_UTILS, Interface, drain};
 
 const FD: Format = Format::Fd { bit_rate_switch: true };
 
@@ -32,7 +32,7 @@ fn candump_reads_our_frames() {
         .args(["-L", "-n", &frames().len().to_string(), &interface.name])
         .stdout(Stdio::piped())
         .spawn()
-        .unwrap();
+        .expect(CAN_UTILS);
     // It says nothing when it is ready.
     thread::sleep(Duration::from_millis(300));
     let (ours, expected): (Vec<Frame>, Vec<&str>) = frames().into_iter().unzip();
@@ -52,7 +52,7 @@ fn we_read_the_frames_of_cansend() {
     let Some(interface) = Interface::new() else { return };
     let mut host = interface.bus(&[0x080, 0x701, 0x201, 0x182]);
     for (frame, text) in frames() {
-        assert!(Command::new("cansend").args([&interface.name, text]).status().unwrap().success());
+        assert!(Command::new("cansend").args([&interface.name, text]).status().expect(CAN_UTILS).success());
         assert_eq!(host.receive(monotonic_now() + Span::s(5.0)).map(|r| r.frame), Some(frame));
     }
 }
@@ -65,7 +65,7 @@ fn random_traffic_of_every_kind_is_taken_and_none_of_it_breaks_the_bus() {
     let mut host = interface.bus(&many);
     const FRAMES: usize = 5_000;
     let random = ["-m", "-g", "0", "-n", &FRAMES.to_string(), &interface.name].map(str::to_owned);
-    assert!(Command::new("cangen").args(random).status().unwrap().success());
+    assert!(Command::new("cangen").args(random).status().expect(CAN_UTILS).success());
     let came = drain(&mut host);
     // A fifth of the identifiers, and of them neither those of 29 bits nor requests to be sent one.
     assert!((100..FRAMES / 5).contains(&came.len()), "{} of {FRAMES} frames", came.len());

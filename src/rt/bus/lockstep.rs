@@ -16,6 +16,7 @@
 //! 071h to 076h and 07Fh of them). On a bus with real boards there are no markers.
 //! Invariant: host and machine get the same frames in the same order as in memory, at any speed of either.
 
+use super::socketcan::SocketCan;
 use super::{Bus, Frame, Id, Received, SendError};
 use crate::base::time::{Moment, Span};
 use crate::rt::clock::monotonic_now;
@@ -65,10 +66,18 @@ pub struct Lockstep<B: Bus> {
     is_peer_lost: bool,
 }
 
+impl Lockstep<SocketCan> {
+    /// Begins a session on an interface, whose moment zero becomes that of the monotonic clock.
+    pub fn begin(mut bus: SocketCan, patience: Span) -> Result<Self, NoPeer> {
+        bus.set_origin(Moment::ZERO);
+        Self::begin_on(bus, patience)
+    }
+}
+
 impl<B: Bus> Lockstep<B> {
-    /// Begins a session on a bus whose clock is the monotonic one. What is still under way from an earlier
-    /// session is dropped.
-    pub fn begin(inner: B, patience: Span) -> Result<Self, NoPeer> {
+    /// Begins a session on any bus that waits until a moment of the monotonic clock, or not at all. What is
+    /// still under way from an earlier session is dropped.
+    pub fn begin_on(inner: B, patience: Span) -> Result<Self, NoPeer> {
         let mut bus = Self {
             inner,
             patience,
@@ -195,7 +204,7 @@ mod tests {
     }
 
     fn begun() -> Lockstep<Peer> {
-        Lockstep::begin(Peer::default(), Span::ms(10_000)).unwrap()
+        Lockstep::begin_on(Peer::default(), Span::ms(10_000)).unwrap()
     }
 
     fn received(bus: &mut Lockstep<Peer>, until: Moment) -> Vec<Received> {
@@ -231,7 +240,7 @@ mod tests {
     fn a_session_begins_behind_what_an_earlier_one_left() {
         let mut peer = Peer::default();
         peer.to_host.extend([numbered(9), marker(7), numbered(8)]);
-        let mut bus = Lockstep::begin(peer, Span::ms(10_000)).unwrap();
+        let mut bus = Lockstep::begin_on(peer, Span::ms(10_000)).unwrap();
         assert_eq!(bus.receive(Moment::ZERO), None);
     }
 
@@ -260,7 +269,7 @@ mod tests {
         assert_eq!(bus.receive(Moment::ZERO), None, "its session is over");
 
         let dead = Peer { is_dead: true, ..Peer::default() };
-        let refusal = Lockstep::begin(dead, patience).map(drop);
+        let refusal = Lockstep::begin_on(dead, patience).map(drop);
         assert_eq!(refusal, Err(NoPeer { patience }));
         assert_eq!(NoPeer { patience }.to_string(), "no simulated machine answered within 0.02 s");
     }

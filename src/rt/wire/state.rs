@@ -56,6 +56,8 @@ impl Emergency {
     pub const CODE_ENCODER: u16 = 0x7305;
     /// The partner's life signs are missing: the board's watchdog.
     pub const CODE_WATCHDOG: u16 = 0x8130;
+    /// The board's CAN controller was off the bus and takes part again.
+    pub const CODE_BUS_OFF_RECOVERED: u16 = 0x8140;
     /// Error register: any error.
     pub const REGISTER_GENERIC: u8 = 0x01;
 }

@@ -4,8 +4,9 @@
 
 use super::Board;
 use crate::base::time::Moment;
+use crate::rt::drive::sheet::Sheet;
 use crate::rt::wire::parameter::Object;
-use crate::rt::wire::scaling::{EncoderCounts, TravelCounts};
+use crate::rt::wire::scaling::{CurrentCounts, EncoderCounts, TravelCounts};
 use crate::rt::wire::state::Emergency;
 
 impl Board {
@@ -55,5 +56,33 @@ impl Board {
     /// Answers with `value` when asked for `object`: a wrong board, or wrong firmware settings.
     pub const fn pretend(&mut self, object: Object, value: u32) {
         self.injected.false_value = Some((object, value));
+    }
+    /// Runs with another sheet than its type should: a wrong board, or wrong firmware settings.
+    pub const fn reprogram(&mut self, sheet: Sheet) {
+        self.sheet = sheet;
+    }
+    /// What the board runs with.
+    pub const fn sheet(&self) -> &Sheet {
+        &self.sheet
+    }
+    /// The encoders' counters stand so far before their wrap.
+    pub const fn place_before_wrap(&mut self, motor: TravelCounts, table: TravelCounts) {
+        self.motor_start = EncoderCounts::counts(0).after(TravelCounts::counts(-motor.as_counts()));
+        self.table_start = EncoderCounts::counts(0).after(TravelCounts::counts(-table.as_counts()));
+    }
+    /// The drive gives no more than this, or its peak again.
+    pub const fn limit_current(&mut self, current_max: Option<CurrentCounts>) {
+        self.injected.current_max = current_max;
+    }
+    /// The board's CAN controller leaves the bus, so that it neither hears nor sends; or takes part again,
+    /// which the board reports as an error that was.
+    pub fn set_off_bus(&mut self, is_off_bus: bool) {
+        let is_back = self.injected.is_off_bus && !is_off_bus;
+        self.injected.is_off_bus = is_off_bus;
+        if is_off_bus {
+            self.outbox.clear();
+        } else if is_back {
+            self.report(Emergency::CODE_BUS_OFF_RECOVERED, 0);
+        }
     }
 }
