@@ -8,6 +8,7 @@ pub mod plant; //   friction, mechanics, actuator, encoder: the physics, written
 pub mod rt; //      real time: bus, wire, drive, control, cycle
 pub mod sim; //     the machine in memory
 pub mod config; //  machine files become checked settings
+pub mod candump; // frames as text, as can-utils writes them
 #[cfg(feature = "log")]
 pub mod log; //     records to MCAP and back: where online and offline meet
 #[cfg(feature = "run")]

@@ -9,7 +9,6 @@
 //! `k`, so a session replayed twice gives the same frames to the bit. In realtime pace it is the wall clock's.
 //! Invariant: boards, drives and plant are those of `quadrant::sim`; this program only moves frames.
 
-mod dump;
 mod filter;
 mod live;
 mod served;

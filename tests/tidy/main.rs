@@ -44,13 +44,14 @@ const ROOMS: &[Room] = &[
     Room { name: "rt/thread", may: &["base", "rt/cycle"] },
     Room { name: "sim", may: &["base", "plant", "rt"] },
     Room { name: "config", may: &["base", "plant", "rt", "sim"] },
+    Room { name: "candump", may: &["base"] },
     Room { name: "log", may: &["base"] },
     Room { name: "run", may: &["base", "plant", "rt", "config", "log"] },
     Room { name: "service", may: &["base", "plant", "rt", "sim", "config", "log", "run"] },
-    Room { name: "offline", may: &["base", "plant", "rt", "sim", "config", "log"] },
-    Room { name: "cli", may: &["base", "plant", "rt", "sim", "config", "log", "run", "offline"] },
+    Room { name: "offline", may: &["base", "plant", "rt", "sim", "config", "candump", "log"] },
+    Room { name: "cli", may: &["base", "plant", "rt", "sim", "config", "candump", "log", "run", "offline"] },
     Room { name: "bin", may: &["cli", "service"] },
-    Room { name: "hil-sim", may: &["base", "plant", "rt", "sim", "config"] },
+    Room { name: "hil-sim", may: &["base", "plant", "rt", "sim", "config", "candump"] },
 ];
 
 /// Most lines of a file that are not tests.
