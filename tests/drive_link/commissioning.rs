@@ -1,11 +1,12 @@
 //! A machine starts only with the boards its sheets describe.
 
+use quadrant::rt::bus::Bus;
 use quadrant::rt::bus::faulty::Faults;
 use quadrant::rt::drive::Drives;
 use quadrant::rt::drive::commission::CommissionError;
 use quadrant::rt::drive::sheet::Sheet;
-use quadrant::rt::wire::Layout;
 use quadrant::rt::wire::parameter::Object;
+use quadrant::rt::wire::{Layout, command};
 use rstest::rstest;
 
 use crate::rig::*;
@@ -65,6 +66,16 @@ fn a_lost_reply_is_asked_for_again() {
     let (received, sent) = wired.bus.counts();
     assert!(received.dropped > 0 && sent.dropped > 0);
     assert!(outcomes.iter().all(|o| matches!(o, Ok(_) | Err(CommissionError::NoReply { .. }))));
+}
+
+#[test]
+fn a_host_that_runs_already_is_heard_before_the_first_request() {
+    for voice in [command::encode_sync(7), Layout::Fd.command(node(X), &command::RawCommand::default())] {
+        let mut wired = wired(Layout::Fd, SHEET, 64, 0);
+        wired.machine.end.send(&voice).expect("room for a frame");
+        let error = commission(&mut wired, SHEET).expect_err("somebody else drives this bus");
+        assert_eq!(error, CommissionError::SecondHost);
+    }
 }
 
 #[test]

@@ -54,9 +54,16 @@ fn any_record() -> impl Strategy<Value = CycleRecord> {
 fn any_bus() -> impl Strategy<Value = BusRecord> {
     use BusState::{BusOff, ErrorActive, ErrorPassive, ErrorWarning};
     let state = prop::sample::select(vec![ErrorActive, ErrorWarning, ErrorPassive, BusOff]);
-    (state, any_refusal(), any::<[u32; 4]>()).prop_map(|(state, sync, [sent_crc, reports, foreign, dropped])| {
-        BusRecord { state, sync, sent_crc, reports, foreign, dropped }
-    })
+    (state, any_refusal(), any::<[u32; 4]>()).prop_map(
+        |(state, sync, [sent_crc, reports, foreign, dropped])| BusRecord {
+            state,
+            sync,
+            sent_crc,
+            reports,
+            foreign,
+            dropped,
+        },
+    )
 }
 
 fn any_refusal() -> impl Strategy<Value = Refusal> {
