@@ -2,22 +2,16 @@
 //! a log in which anything differs is refused by cycle and field.
 
 mod common;
+#[path = "common/eventful.rs"]
+mod eventful;
 
-use common::{Fate, Rig, X, Y, machine};
-use quadrant::base::input::Input;
-use quadrant::base::record::{BusState, CycleRecord, ModeTag};
+use common::{X, machine};
+use eventful::{Kept, eventful};
+use quadrant::base::record::ModeTag;
 use quadrant::log::schema::difference;
 use quadrant::offline::replay::Replayer;
-use quadrant::rt::bus::Id;
 use quadrant::rt::door::Order;
-use quadrant::rt::wire::scaling::TravelCounts;
-use quadrant::rt::wire::{Address, command, controller};
-use rand::{RngExt, SeedableRng};
-use rand_pcg::Pcg64Mcg;
 use rstest::rstest;
-
-/// A run kept whole.
-type Kept = Vec<(CycleRecord, Vec<Input>)>;
 
 /// The first cycle and field that a replay gives differently.
 fn first_difference(name: &str, kept: &Kept) -> Option<(u64, String)> {
@@ -28,68 +22,6 @@ fn first_difference(name: &str, kept: &Kept) -> Option<(u64, String)> {
         let replayed = replayer.run(recorded, inputs);
         difference(recorded, &replayed, &axes).map(|(field, ..)| (recorded.cycle, field))
     })
-}
-
-fn keep(rig: &mut Rig, kept: &mut Kept, cycles: usize) {
-    for _ in 0..cycles {
-        rig.step();
-        kept.push((rig.last, rig.inputs.iter().copied().collect()));
-    }
-}
-
-/// Two seconds of moves, gain changes, skipped periods and whatever can happen to frames and boards.
-fn eventful(name: &str, seed: u64) -> Kept {
-    let mut random = Pcg64Mcg::seed_from_u64(seed);
-    let mut rig = Rig::new(machine(name), seed);
-    let mut frames = Pcg64Mcg::seed_from_u64(seed ^ 0xF00D);
-    let trouble = [0.0, 0.002, 0.05][seed as usize % 3];
-    rig.line.incoming = Box::new(move |frame| {
-        if !frames.random_bool(trouble) {
-            return Fate::Pass;
-        }
-        match frames.random_range(0..10) {
-            0 | 1 => return Fate::Lost,
-            7 => return Fate::Twice,
-            8 => return Fate::Overtaken,
-            9 => return Fate::Later([1, 2, 8, 256][frames.random_range(0..4)]),
-            2 => *frame = frame.with_flipped_bit(frames.random_range(0..64)),
-            3 => *frame = controller::encode(BusState::ErrorPassive),
-            4 => *frame = quadrant::rt::bus::Frame::classic(Id::MAX, [1, 2, 3]),
-            5 => *frame = quadrant::rt::bus::Frame::classic(frame.id(), [0; 8]),
-            _ => *frame = if frames.random_bool(0.1) { command::encode_sync(9) } else { *frame },
-        }
-        Fate::Pass
-    });
-    let mut senders = Pcg64Mcg::seed_from_u64(seed ^ 0xCAFE);
-    rig.line.outgoing = Box::new(move |frame| {
-        let is_sync = Address::of(frame.id()) == Some(Address::Sync);
-        match senders.random_range(0..if trouble > 0.0 && !is_sync { 4_000 } else { u32::MAX }) {
-            0 => Fate::Refused,
-            1 => Fate::Down,
-            _ => Fate::Pass,
-        }
-    });
-    let mut kept = Vec::new();
-    for _ in 0..40 {
-        match random.random_range(0..12) {
-            0..4 => rig.order(Order::Enable),
-            4 => rig.order(Order::Disable),
-            5 => rig.order(Order::UseGains(random.random_range(0..3))),
-            6 | 7 => rig.order(rig.line_to(random.random_range(-5.0..5.0), 80.0)),
-            8 => rig.order(Order::ClearFaults),
-            9 => rig.order(Order::Stop),
-            10 => rig.skip(random.random_range(1..4)),
-            _ if trouble > 0.01 => match random.random_range(0..4) {
-                0 => rig.line.wired.rack_mut().board_mut(X).jump_encoder(TravelCounts::counts(100_000)),
-                1 => rig.line.wired.rack_mut().board_mut(Y).trip_drive(0x2310, 7),
-                2 => rig.line.wired.rack_mut().board_mut(Y).set_encoder_frozen(true),
-                _ => rig.line.wired.rack_mut().board_mut(X).set_silent(random.random_bool(0.5)),
-            },
-            _ => {}
-        }
-        keep(&mut rig, &mut kept, 100);
-    }
-    kept
 }
 
 #[rstest]
