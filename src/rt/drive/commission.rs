@@ -154,7 +154,15 @@ impl Drives<Configuring> {
 
 fn operational(mut links: PerAxis<Link>, before: [Option<Received>; AXES_MAX]) -> Drives<Operational> {
     links.as_mut_slice().iter_mut().for_each(Link::start);
-    Drives { phase: Operational { links, bus: BusRecord::default(), is_second_host: false, before } }
+    Drives {
+        phase: Operational {
+            links,
+            bus: BusRecord::default(),
+            is_second_host: false,
+            was_bus_off: false,
+            before,
+        },
+    }
 }
 
 /// The reset count before the cycle is what a later one is compared with; the last heartbeat of each board

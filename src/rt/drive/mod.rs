@@ -103,6 +103,8 @@ pub struct Operational {
     links: PerAxis<Link>,
     bus: BusRecord,
     is_second_host: bool,
+    /// The own controller was off the bus when the cycle began.
+    was_bus_off: bool,
     /// Heartbeats of the boards from before the first cycle, until it has told them.
     before: [Option<Received>; AXES_MAX],
 }
@@ -160,6 +162,7 @@ impl Drives<Operational> {
         self.phase.bus.sent_crc = checksum(0, std::slice::from_ref(&sync));
         self.phase.bus.sync = refusal(bus.send(&sync));
         self.phase.is_second_host = false;
+        self.phase.was_bus_off = self.phase.bus.state == BusState::BusOff;
         for received in self.phase.before.iter_mut().filter_map(Option::take) {
             inputs.push(Input { cycle, what: What::Before(received) });
         }
@@ -200,8 +203,9 @@ impl Drives<Operational> {
             bus.state = controller::decode(frame).map_or(bus.state, |report| report.state_after(bus.state));
             return Taken::Aside;
         }
-        if self.phase.bus.state == BusState::BusOff {
-            // Who hears a frame takes part again: an interface that was set down and up does not say so.
+        if self.phase.was_bus_off && self.phase.bus.state == BusState::BusOff {
+            // Who hears a frame takes part again: an interface that was set down and up does not say so. In the
+            // cycle that learns of bus-off, frames from before it may still be under way.
             self.phase.bus.state = BusState::ErrorActive;
         }
         let address = Address::of(frame.id());
