@@ -89,7 +89,9 @@ fn complaint(error: &anyhow::Error) -> String {
             let rendered = problems.render(std::io::stderr().is_terminal());
             format!("{rendered}\n{}: {count} {plural}, so there is no machine", problems.file)
         }
-        Some(LoadError::Unreadable { .. }) | None => format!("error: {error:#}"),
+        Some(LoadError::Unreadable { .. } | LoadError::NoScenario { .. }) | None => {
+            format!("error: {error:#}")
+        }
     }
 }
 

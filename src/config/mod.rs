@@ -2,7 +2,7 @@
 //!
 //! A machine file is read section by section (`reader.rs`, `machine_file.rs`), its values are held
 //! against each other (`rules.rs`), every problem is noted at its place (`problem.rs`), and what comes
-//! out is a [`Machine`] that the rest trusts. Two machines are embedded.
+//! out is a [`Machine`] that the rest trusts. Some machines are embedded. A [`scenario`] is read the same way.
 //! Invariant: nothing that moves has a silent default; a text with a problem gives no machine.
 
 mod assemble;
@@ -13,6 +13,7 @@ pub mod plan;
 pub mod problem;
 mod reader;
 mod rules;
+pub mod scenario;
 mod sheet_file;
 
 use std::collections::BTreeMap;
@@ -35,6 +36,14 @@ pub enum LoadError {
     /// The file cannot be read.
     #[error("machine file {path}: {cause} (or name an embedded machine: reference, paper, classic)")]
     Unreadable {
+        /// Which file.
+        path: PathBuf,
+        /// What the system says.
+        cause: std::io::Error,
+    },
+    /// A scenario cannot be read.
+    #[error("scenario {path}: {cause}")]
+    NoScenario {
         /// Which file.
         path: PathBuf,
         /// What the system says.

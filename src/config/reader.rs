@@ -240,6 +240,15 @@ impl<'t> Section<'t> {
         None
     }
 
+    /// A number within bounds that may be absent.
+    pub(super) fn optional_number(&self, key: &str, range: RangeInclusive<f64>, unit: &str) -> Option<f64> {
+        if self.value(key).is_some() {
+            return Some(self.number(key, range, unit));
+        }
+        self.skip(key);
+        None
+    }
+
     /// A text.
     pub(super) fn text(&self, key: &str) -> String {
         let Some(value) = self.require(key, "a text") else { return String::new() };
@@ -287,6 +296,20 @@ impl<'t> Section<'t> {
     /// A table that is not there, as was noted elsewhere.
     pub(super) fn absent(&self, key: &str) -> Self {
         self.below(key, None)
+    }
+
+    /// The tables of an array in here, in order of the text; none where it is absent.
+    pub(super) fn sections(&self, key: &str) -> Vec<Self> {
+        let Some(value) = self.ask(key) else { return Vec::new() };
+        let Some(tables) = value.get_ref().as_array() else {
+            self.wrong_type(key, value, "an array of sections");
+            return Vec::new();
+        };
+        let place = |(index, table): (usize, &'t Spanned<DeValue<'t>>)| Self {
+            span: table.span(),
+            ..self.below(&format!("{key}[{index}]"), Some(table))
+        };
+        tables.iter().enumerate().map(place).collect()
     }
 
     fn below(&self, key: &str, value: Option<&'t Spanned<DeValue<'t>>>) -> Self {

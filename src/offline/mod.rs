@@ -13,6 +13,7 @@
 pub mod check;
 pub mod circle;
 pub mod draw;
+pub mod hil;
 pub mod loops;
 pub mod margins;
 pub mod replay;

@@ -50,8 +50,8 @@ pub(crate) fn scenarios() -> Vec<Scenario> {
             name: "encoder frozen",
             break_it: |rig| board(rig).set_encoder_frozen(true),
             mend_it: |rig| board(rig).set_encoder_frozen(false),
-            cycles_max: 60,
-            way_mm_max: 60.0,
+            cycles_max: 8,
+            way_mm_max: 15.0,
             // Its next reading is far from the last.
             afterwards: Some(Fault::EncoderJump),
             ..GENTLE

@@ -12,6 +12,7 @@
 
 pub mod compensation;
 pub mod limits;
+pub mod momentum;
 pub mod position;
 pub mod profile;
 pub mod velocity_pi;
@@ -25,6 +26,7 @@ use crate::base::units::{Current, Position, Torque, Velocity};
 use crate::plant::Parameters;
 
 use limits::Limits;
+use momentum::Momentum;
 use position::PositionLoop;
 use velocity_pi::VelocityLoop;
 
@@ -80,12 +82,15 @@ pub struct AxisLoop {
     model: compensation::Model,
     position: PositionLoop,
     velocity: VelocityLoop,
+    momentum: Momentum,
     velocity_command: Velocity,
     velocity_error_rad_per_s: f64,
     held_velocity: Acted,
     /// Ticks since the position loop acted, and whether one of its own was missed meanwhile.
     periods_since_position: u32,
     is_position_due: bool,
+    /// Ticks since the loops acted.
+    periods_since_step: u32,
     reach: (Position, Position),
     gain_set: u8,
     rad_per_m: f64,
@@ -101,11 +106,13 @@ impl AxisLoop {
             model: compensation::Model::new(&settings.axis),
             position: PositionLoop::default(),
             velocity: VelocityLoop::new(&gains.velocity, settings.tick),
+            momentum: Momentum::new(&settings.axis, &settings.limits),
             velocity_command: Velocity::ZERO,
             velocity_error_rad_per_s: 0.0,
             held_velocity: Acted::NONE,
             periods_since_position: settings.position_every,
             is_position_due: false,
+            periods_since_step: 0,
             reach: settings.limits.reach_from(Position::ZERO),
             gain_set: 0,
             rad_per_m: 1.0 / settings.axis.mechanics.travel_per_rad_m(),
@@ -125,7 +132,12 @@ impl AxisLoop {
 
     /// What is wrong with a fresh sample of an axis that these loops move, the worst first.
     pub fn violation(&self, sample: &Sample) -> Option<Fault> {
-        self.settings.limits.violation(sample, self.position.expected_position(), self.reach)
+        let limits = &self.settings.limits;
+        match limits.violation(sample, self.position.expected_position(), self.reach) {
+            // Travel is ramped out under control, which an axis that does not answer has not.
+            None | Some(Fault::Travel) if self.momentum.is_unanswered() => Some(Fault::FollowingError),
+            found => found,
+        }
     }
 
     /// Where the axis should be by now, whatever disturbs it.
@@ -138,12 +150,14 @@ impl AxisLoop {
     pub fn follow(&mut self, sample: &Sample) {
         self.position.reset(sample.position);
         self.velocity.reset();
+        self.momentum.reset();
         self.reach = self.settings.limits.reach_from(sample.position);
         self.velocity_command = sample.velocity.clamp_abs(self.settings.limits.velocity);
         self.velocity_error_rad_per_s = 0.0;
         self.held_velocity = Acted::NONE;
         self.periods_since_position = self.settings.position_every;
         self.is_position_due = false;
+        self.periods_since_step = 0;
     }
 
     /// Time passes, with or without a cycle and fresh feedback: the expected response moves on, as the
@@ -152,6 +166,7 @@ impl AxisLoop {
         let periods = u32::try_from(periods).unwrap_or(u32::MAX);
         self.position.coast(self.settings.tick.as_s() * f64::from(periods));
         self.periods_since_position = self.periods_since_position.saturating_add(periods);
+        self.periods_since_step = self.periods_since_step.saturating_add(periods);
     }
 
     /// A cycle without fresh feedback: nothing is computed, and a tick of the position loop is made up
@@ -180,6 +195,7 @@ impl AxisLoop {
     pub fn step(&mut self, setpoint: &Setpoint, sample: &Sample, is_position_tick: bool) -> Answer {
         let gains = self.settings.gain_sets[usize::from(self.gain_set)];
         let (setpoint, was_outside) = Limits::hold_setpoint(self.reach, setpoint);
+        self.weigh(sample);
         if is_position_tick || self.is_position_due {
             self.position_tick(&gains.position, &setpoint, sample);
         }
@@ -209,6 +225,14 @@ impl AxisLoop {
             .with(Acted::when(was_outside, Acted::TRAVEL))
             .with(Acted::when(held != wanted && !is_not_a_number, Acted::CURRENT));
         Answer { current, terms, limits, is_not_a_number }
+    }
+
+    /// Holds what the motor did since the last step against its current.
+    fn weigh(&mut self, sample: &Sample) {
+        let since_s = self.settings.tick.as_s() * f64::from(self.periods_since_step);
+        self.periods_since_step = 0;
+        let torque = self.settings.axis.actuator.torque(sample.current);
+        self.momentum.step(sample, torque, self.position.expected_velocity(), since_s);
     }
 
     fn position_tick(&mut self, gains: &position::Gains, setpoint: &Setpoint, sample: &Sample) {

@@ -14,7 +14,7 @@ use super::{Effect, Script, ScriptedFault, Timing};
 use crate::base::record::BusState;
 use crate::base::time::{Moment, Span};
 use crate::rt::bus::faulty::{Faults, Line};
-use crate::rt::bus::{Bus, Frame};
+use crate::rt::bus::{Bus, Format, Frame};
 use crate::rt::wire::controller;
 use crate::sim::axis::Axis;
 
@@ -145,6 +145,12 @@ impl Player {
     pub(in crate::sim) fn speak(&mut self, axes: &mut [Axis], now: Moment, bus: &mut impl Bus) {
         let is_off = self.host_off_bus > 0;
         // A full bus loses a frame, as a real one does; the host sees it missing.
+        for frame in self.to_host.drain(..) {
+            // A report does not come from the bus.
+            if !is_off || frame.format() == Format::Report {
+                let _lost = bus.send(&frame);
+            }
+        }
         let mut say = |frame: Frame| {
             if !is_off {
                 let _lost = bus.send(&frame);
@@ -158,12 +164,6 @@ impl Player {
         }
         let lines = self.acts.iter_mut().filter_map(|act| act.outgoing.as_mut());
         pass_through(lines, None, now, &mut say);
-        for frame in self.to_host.drain(..) {
-            // A report does not come from the bus.
-            if !is_off || frame.format() == crate::rt::bus::Format::Report {
-                let _lost = bus.send(&frame);
-            }
-        }
     }
 }
 
