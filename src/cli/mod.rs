@@ -6,6 +6,7 @@
 
 mod check;
 mod circle;
+mod hil;
 mod latency;
 mod log;
 mod replay;
@@ -39,6 +40,8 @@ enum Verb {
     Check(check::Arguments),
     /// Summarise, export or recover a log
     Log(log::Arguments),
+    /// Put the simulated machine through scenarios of faults, and judge what the controller makes of them
+    Hil(hil::Arguments),
     /// Show where the time of the periods went, in a log or measured here and now
     Latency(latency::Arguments),
     /// Run the recorded inputs of a log through today's code: the same must come out, bit for bit
@@ -66,6 +69,7 @@ pub fn main() -> ExitCode {
         Verb::Circle(arguments) => circle::run(&arguments),
         Verb::Check(arguments) => check::run(&arguments),
         Verb::Log(arguments) => log::run(&arguments),
+        Verb::Hil(arguments) => hil::run(&arguments),
         Verb::Latency(arguments) => latency::run(&arguments),
         Verb::Replay(arguments) => replay::run(&arguments),
     };
