@@ -28,7 +28,7 @@ fn first_difference(name: &str, kept: &Kept) -> Option<(u64, String)> {
 fn whatever_happened_comes_out_again_bit_for_bit(#[values("reference", "classic")] name: &str) {
     let (mut moved, mut faulted, mut told, mut late, mut repeated) = (0, 0, 0, 0, 0);
     for seed in 0..60 {
-        let kept = eventful(name, seed);
+        let (kept, _) = eventful(name, seed);
         assert_eq!(first_difference(name, &kept), None, "seed {seed}");
         let any = |mode: ModeTag| {
             kept.iter().any(|(record, _)| record.axes.as_slice().iter().any(|axis| axis.mode == mode))
@@ -46,7 +46,7 @@ fn whatever_happened_comes_out_again_bit_for_bit(#[values("reference", "classic"
 
 #[test]
 fn a_changed_input_is_found_in_its_cycle() {
-    let mut kept = eventful("reference", 0);
+    let (mut kept, _) = eventful("reference", 0);
     let at = kept.iter().position(|(record, _)| record.axes[X].mode == ModeTag::Moving).expect("it moves");
     let cycle = kept[at + 7].0.cycle;
     // The record tells of another encoder reading, but not of another position.
@@ -56,7 +56,7 @@ fn a_changed_input_is_found_in_its_cycle() {
 
 #[test]
 fn a_missing_order_is_found_where_it_acts() {
-    let mut kept = eventful("reference", 0);
+    let (mut kept, _) = eventful("reference", 0);
     let at = kept
         .iter()
         .position(|(_, inputs)| {

@@ -229,6 +229,11 @@ impl CycleRecord {
         }
     }
 
+    /// How many cycles were run until then, this one among them: a skipped period is none.
+    pub const fn cycles_run(&self) -> u64 {
+        (self.cycle + 1).saturating_sub(self.overruns)
+    }
+
     /// What became of the commands: the first refusal among them.
     pub fn commands(&self) -> Refusal {
         let mut refusals = self.axes.as_slice().iter().map(|axis| axis.refusal);

@@ -1,7 +1,7 @@
-//! `quadrant log FILE`: what is in a log; as CSV; or what is left of a damaged one.
+//! `quadrant log FILE`: what is in a log; as CSV; as text of candump; or what is left of a damaged one.
 
 use std::fs::File;
-use std::io::BufWriter;
+use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
@@ -10,6 +10,7 @@ use serde::Serialize;
 
 use super::{Outcome, print_json, print_text, view};
 use crate::log::{Header, LogError, Reader, Summary, csv, header::rfc3339, recover};
+use crate::offline::traffic;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
@@ -18,6 +19,12 @@ pub(super) struct Arguments {
     /// Write every record to this new CSV file (`-` for standard output)
     #[arg(long, value_name = "FILE", conflicts_with = "recover")]
     csv: Option<PathBuf>,
+    /// Write the frames of the run to this new text, as `candump -L` would have (`-` for standard output)
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["recover", "csv"])]
+    candump: Option<PathBuf>,
+    /// Name of the CAN interface in that text
+    #[arg(long, default_value = "can0", value_name = "NAME", requires = "candump", value_parser = interface)]
+    interface: String,
     /// Write everything that is still readable into this new log
     #[arg(long, value_name = "FILE")]
     recover: Option<PathBuf>,
@@ -33,7 +40,16 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     if let Some(target) = &arguments.csv {
         return export(&arguments.file, target);
     }
+    if let Some(target) = &arguments.candump {
+        return export_traffic(arguments, target);
+    }
     summarise(arguments)
+}
+
+/// The name of an interface is one word.
+fn interface(name: &str) -> Result<String, String> {
+    let is_word = !name.is_empty() && !name.contains(char::is_whitespace);
+    if is_word { Ok(name.to_owned()) } else { Err("a name without blanks is expected".to_owned()) }
 }
 
 fn run_recover(arguments: &Arguments, target: &Path) -> anyhow::Result<Outcome> {
@@ -58,15 +74,37 @@ fn run_recover(arguments: &Arguments, target: &Path) -> anyhow::Result<Outcome> 
 
 fn export(file: &Path, target: &Path) -> anyhow::Result<Outcome> {
     let mut log = Reader::open(file)?;
-    let lines = if target == Path::new("-") {
-        csv::export(&mut log, std::io::stdout().lock(), target)
-    } else {
-        let table = File::create_new(target)
-            .with_context(|| format!("cannot create {}; nothing is overwritten", target.display()))?;
-        csv::export(&mut log, BufWriter::new(table), target)
-    }?;
+    let lines = csv::export(&mut log, created(target)?, target)?;
     eprintln!("{lines} records");
     Ok(if say_truncated(&log) { Outcome::Incomplete } else { Outcome::Done })
+}
+
+/// A new file, or standard output for `-`.
+fn created(target: &Path) -> anyhow::Result<Box<dyn Write>> {
+    if target == Path::new("-") {
+        return Ok(Box::new(BufWriter::new(std::io::stdout().lock())));
+    }
+    let file = File::create_new(target)
+        .with_context(|| format!("cannot create {}; nothing is overwritten", target.display()))?;
+    Ok(Box::new(BufWriter::new(file)))
+}
+
+fn export_traffic(arguments: &Arguments, target: &Path) -> anyhow::Result<Outcome> {
+    let mut log = Reader::open(&arguments.file)?;
+    let exported = traffic::export::export(&mut log, &arguments.interface, created(target)?, target)?;
+    let traffic::export::Exported { cycles, frames, cycles_missing, lost } = exported;
+    if arguments.json && target != Path::new("-") {
+        print_json(&exported)?;
+    } else {
+        eprintln!("{frames} frames of {cycles} cycles");
+    }
+    if cycles_missing > 0 || lost > 0 {
+        eprintln!(
+            "warning: the text lacks the frames of {cycles_missing} cycles; {lost} records and inputs were lost"
+        );
+    }
+    let is_whole = !say_truncated(&log) && cycles_missing == 0 && lost == 0;
+    Ok(if is_whole { Outcome::Done } else { Outcome::Incomplete })
 }
 
 /// Say on stderr when a log ends without its index.

@@ -3,7 +3,7 @@
 //! Order of the work: records become a [`trace`], the trace of a circular path is judged by
 //! [`circle`], [`draw`] makes the pictures and [`report`] puts numbers and pictures on one page.
 //!
-//! Any log goes through today's cycle again in [`replay`].
+//! Any log goes through today's cycle again in [`replay`]; [`traffic`] turns logs into frames and back.
 //!
 //! What a machine file implies before anything runs is in [`check`], from the figures of its
 //! [`loops`] ([`margins`]).
@@ -19,3 +19,4 @@ pub mod margins;
 pub mod replay;
 pub mod report;
 pub mod trace;
+pub mod traffic;

@@ -15,16 +15,15 @@ use serde::Serialize;
 
 use crate::base::axis::PerAxis;
 use crate::base::input::{Input, What};
-use crate::base::record::{Arrival, CycleRecord, Refusal};
-use crate::base::sample::Freshness;
+use crate::base::record::{CycleRecord, Refusal};
 use crate::base::time::Moment;
 use crate::config::{self, Machine};
 use crate::log::{LogError, Reader, schema};
+use crate::offline::traffic::Frames;
 use crate::rt::bus::{Bus, Frame, Received, SendError};
 use crate::rt::cycle::Cycle;
 use crate::rt::cycle::pace::Slot;
 use crate::rt::door::{Order, Orders};
-use crate::rt::wire::{Address, Layout, Node};
 
 /// Why a log cannot be replayed.
 #[derive(Debug, thiserror::Error)]
@@ -160,7 +159,7 @@ impl Replayer {
         });
         let drives = machine.drives()?.resume(heard);
         let cycle = Cycle::new(machine.cycle_settings(), drives, &machine.control_settings());
-        Ok(Self { cycle, bus: RecordedBus::new(machine.axes.map(|_, axis| axis.node), machine.bus.layout) })
+        Ok(Self { cycle, bus: RecordedBus::new(machine) })
     }
 
     /// The cycle of `recorded`, told what it was told then.
@@ -191,55 +190,29 @@ impl Orders for RecordedOrder {
     }
 }
 
-/// What a record and its inputs say about the frames of a cycle, in the order in which they came.
-pub fn frames_of<'a>(
-    record: &'a CycleRecord,
-    inputs: &'a [Input],
-    nodes: &'a PerAxis<Node>,
-    layout: Layout,
-) -> Vec<(u8, Received)> {
-    let fresh = record.axes.iter().filter(|(_, row)| row.sample.freshness == Freshness::Fresh);
-    let feedback = fresh.flat_map(|(axis, row)| {
-        let pieces = layout.feedback(nodes[axis], &row.sample.raw);
-        let arrivals = [row.arrivals.motor, row.arrivals.table].into_iter();
-        arrivals.zip(pieces).map(|(Arrival { place, at }, frame)| (place, Received { frame, at }))
-    });
-    let aside = inputs.iter().filter_map(|input| match input.what {
-        What::Frame { place, received } => Some((place, received)),
-        What::Order(_) | What::Before(_) => None,
-    });
-    let mut frames: Vec<_> = feedback.chain(aside).collect();
-    frames.sort_by_key(|(place, _)| *place);
-    frames
-}
-
 /// A bus on which everything goes as it went then.
 #[derive(Debug)]
 struct RecordedBus {
-    nodes: PerAxis<Node>,
-    layout: Layout,
-    frames: VecDeque<Received>,
+    frames: Frames,
+    received: VecDeque<Received>,
     sync: Refusal,
     commands: PerAxis<Refusal>,
     dropped: u32,
 }
 
 impl RecordedBus {
-    fn new(nodes: PerAxis<Node>, layout: Layout) -> Self {
+    fn new(machine: &Machine) -> Self {
         Self {
-            nodes,
-            layout,
-            frames: VecDeque::new(),
+            frames: Frames::of(machine),
+            received: VecDeque::new(),
             sync: Refusal::None,
-            commands: PerAxis::filled(nodes.count(), Refusal::None),
+            commands: PerAxis::filled(machine.axes.count(), Refusal::None),
             dropped: 0,
         }
     }
 
     fn load(&mut self, record: &CycleRecord, inputs: &[Input]) {
-        self.frames.clear();
-        self.frames
-            .extend(frames_of(record, inputs, &self.nodes, self.layout).into_iter().map(|(_, frame)| frame));
+        self.received = self.frames.received(record, inputs).into();
         (self.sync, self.dropped) = (record.bus.sync, record.bus.dropped);
         self.commands = record.axes.map(|_, axis| axis.refusal);
     }
@@ -255,14 +228,11 @@ const fn outcome(refusal: Refusal) -> Result<(), SendError> {
 
 impl Bus for RecordedBus {
     fn send(&mut self, frame: &Frame) -> Result<(), SendError> {
-        let of = |node| self.nodes.iter().find(|(_, own)| **own == node).map(|(axis, _)| self.commands[axis]);
-        outcome(match Address::of(frame.id()) {
-            Some(Address::Command(node)) => of(node).unwrap_or_default(),
-            _ => self.sync,
-        })
+        let axis = self.frames.axis_commanded(frame);
+        outcome(axis.map_or(self.sync, |axis| self.commands[axis]))
     }
     fn receive(&mut self, _until: Moment) -> Option<Received> {
-        self.frames.pop_front()
+        self.received.pop_front()
     }
     fn dropped(&self) -> u64 {
         u64::from(self.dropped)

@@ -11,7 +11,7 @@ use rand_pcg::Pcg64Mcg;
 
 use crate::common::{Fate, Rig, X, Y, machine};
 
-/// A run kept whole.
+/// Records, and what each cycle was told.
 pub(crate) type Kept = Vec<(CycleRecord, Vec<Input>)>;
 
 fn keep(rig: &mut Rig, kept: &mut Kept, cycles: usize) {
@@ -21,10 +21,12 @@ fn keep(rig: &mut Rig, kept: &mut Kept, cycles: usize) {
     }
 }
 
-/// Two seconds of moves, gain changes, skipped periods and whatever can happen to frames and boards.
-pub(crate) fn eventful(name: &str, seed: u64) -> Kept {
+/// Moves, gain changes, skipped periods and whatever can happen to frames and boards, for 4000 cycles; and every
+/// frame that the host sent or received.
+pub(crate) fn eventful(name: &str, seed: u64) -> (Kept, Vec<Frame>) {
     let mut random = Pcg64Mcg::seed_from_u64(seed);
     let mut rig = Rig::new(machine(name), seed);
+    rig.line.crossed = Some(Vec::new());
     let mut frames = Pcg64Mcg::seed_from_u64(seed ^ 0xF00D);
     let trouble = [0.0, 0.002, 0.05][seed as usize % 3];
     rig.line.incoming = Box::new(move |frame| {
@@ -73,5 +75,5 @@ pub(crate) fn eventful(name: &str, seed: u64) -> Kept {
         }
         keep(&mut rig, &mut kept, 100);
     }
-    kept
+    (kept, rig.line.crossed.take().expect("it was asked for"))
 }

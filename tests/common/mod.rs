@@ -150,10 +150,25 @@ pub(crate) struct Line {
     /// Frames held back, with the SYNC behind which they come.
     held: Vec<(u64, Received)>,
     overtaken: Option<Received>,
+    /// What the host sent and received, if somebody asks: SYNC, received, commands, and so on.
+    pub(crate) crossed: Option<Vec<Frame>>,
 }
 
 impl Bus for Line {
     fn send(&mut self, frame: &Frame) -> Result<(), SendError> {
+        let outcome = self.carry(frame);
+        self.crossed.iter_mut().filter(|_| outcome.is_ok()).for_each(|crossed| crossed.push(*frame));
+        outcome
+    }
+    fn receive(&mut self, until: Moment) -> Option<Received> {
+        let received = self.bring(until)?;
+        self.crossed.iter_mut().for_each(|crossed| crossed.push(received.frame));
+        Some(received)
+    }
+}
+
+impl Line {
+    fn carry(&mut self, frame: &Frame) -> Result<(), SendError> {
         let mut frame = *frame;
         self.syncs += u64::from(Address::of(frame.id()) == Some(Address::Sync));
         match (self.outgoing)(&mut frame) {
@@ -164,7 +179,7 @@ impl Bus for Line {
             Fate::Down => Err(SendError::Down),
         }
     }
-    fn receive(&mut self, until: Moment) -> Option<Received> {
+    fn bring(&mut self, until: Moment) -> Option<Received> {
         if let Some(place) = self.held.iter().position(|(due, _)| *due <= self.syncs) {
             return Some(Received { at: until, ..self.held.remove(place).1 });
         }
@@ -239,6 +254,7 @@ impl Rig {
             syncs: 0,
             held: Vec::new(),
             overtaken: None,
+            crossed: None,
         };
         let last = CycleRecord::empty(axes);
         Self {

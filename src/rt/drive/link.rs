@@ -225,14 +225,19 @@ impl Link {
     /// The next command frame; its sequence is new whether or not the bus takes it.
     pub(super) fn command_frame(&mut self, wanted: &Command, cycle: u64) -> Frame {
         self.command_sequence = self.command_sequence.wrapping_add(1);
-        let raw = RawCommand {
-            current: self.scale.current_counts(wanted.current),
-            control_word: wanted.control_word,
-            cycle: cycle as u16,
-            sequence: self.command_sequence,
-            mode_of_operation: CYCLIC_SYNCHRONOUS_TORQUE,
-        };
+        let raw = raw_command(&self.scale, wanted, cycle, self.command_sequence);
         self.layout.command(self.node, &raw)
+    }
+}
+
+/// A command of `cycle` as it travels. Its sequence counts the cycles that were run, from 1.
+pub fn raw_command(scale: &AxisScale, wanted: &Command, cycle: u64, sequence: u8) -> RawCommand {
+    RawCommand {
+        current: scale.current_counts(wanted.current),
+        control_word: wanted.control_word,
+        cycle: cycle as u16,
+        sequence,
+        mode_of_operation: CYCLIC_SYNCHRONOUS_TORQUE,
     }
 }
 

@@ -23,6 +23,7 @@ pub mod state;
 pub mod velocity;
 
 use self::link::Link;
+pub use self::link::raw_command;
 use self::sheet::Sheet;
 use self::state::DriveState;
 use self::velocity::VelocityEstimate;
