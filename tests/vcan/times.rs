@@ -6,6 +6,8 @@ use std::time::Duration;
 
 use nix::sys::pthread::{pthread_kill, pthread_self};
 use nix::sys::signal::Signal;
+use nix::sys::time::TimeSpec;
+use nix::time::{ClockId, clock_gettime, clock_settime};
 use quadrant::base::time::{Moment, Span};
 use quadrant::rt::bus::Bus;
 use quadrant::rt::bus::socketcan::{Settings, SocketCan};
@@ -38,6 +40,35 @@ fn a_frame_is_dated_when_it_came_not_when_it_was_read() {
         assert_eq!(number(&received) as usize, count);
         let at = received.at;
         assert!(at >= before - SLEW && at <= after + SLEW, "sent in {before:?} to {after:?}, dated {at:?}");
+    }
+}
+
+#[test]
+fn a_wall_clock_that_is_set_moves_no_frame_out_of_its_bounds() {
+    let Some(interface) = Interface::new() else { return };
+    if std::env::var_os("QUADRANT_VCAN_CLOCK").is_none_or(|clock| clock != "own") {
+        say("SKIPPED, the wall clock is not this test's to set: it is in a guest (with-vcan --guest)");
+        return;
+    }
+    let wall = ClockId::CLOCK_REALTIME;
+    let set = |by_s: i64| {
+        let now = clock_gettime(wall).unwrap();
+        clock_settime(wall, TimeSpec::new(now.tv_sec() + by_s, now.tv_nsec())).unwrap();
+    };
+    let (mut host, mut other) = (interface.bus(&[0x181]), interface.bus(&[]));
+    for by_s in [3_600, -7_200, 3_600] {
+        let empty = monotonic_now();
+        assert_eq!(host.receive(empty), None, "nothing has come by now");
+        thread::sleep(Duration::from_millis(20));
+        other.send(&numbered(0x181, 1)).unwrap();
+        thread::sleep(Duration::from_millis(20));
+        set(by_s);
+        let at = host.receive(Moment::ZERO).map(|received| received.at);
+        let now = monotonic_now();
+        assert!(
+            at >= Some(empty) && at <= Some(now),
+            "{at:?}, came in {empty:?} to {now:?}, set by {by_s} s"
+        );
     }
 }
 

@@ -13,7 +13,8 @@
 //! that does not answer within it is lost, and from then on so is the bus.
 //!
 //! The identifier of the marker is one that CANopen leaves free (CiA 301 reserves 001h to 07Fh; CiA 302 uses
-//! 071h to 076h and 07Fh of them). On a bus with real boards there are no markers.
+//! 071h to 076h and 07Fh of them). Real boards know no marker: a host that began by mistake in virtual time on
+//! a machine gets no answer to marker 0, and has said nothing else.
 //! Invariant: host and machine get the same frames in the same order as in memory, at any speed of either.
 
 use super::socketcan::SocketCan;

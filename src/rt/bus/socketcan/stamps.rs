@@ -69,7 +69,7 @@ mod tests {
         let first = stamps.place(Some(clocks(Span::us(4_800)).wall), now);
         assert_eq!(stamps.place(Some(clocks(Span::us(4_700)).wall), now), first);
         assert_eq!(stamps.place(None, now), now.monotonic);
-        // Read again before the last frame was dated: the earlier one holds.
+        // Less than what is known already.
         stamps.nothing_before(Moment::ZERO);
         assert_eq!(stamps.place(Some(clocks(Span::ZERO).wall), now), now.monotonic);
     }
