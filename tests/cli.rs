@@ -255,8 +255,9 @@ fn patient_machine(folder: &Path) -> PathBuf {
     let read = |file: &str| fs::read_to_string(Path::new("firmware-config").join(file)).unwrap();
     let sheet = read("encoder-board.toml").replace("value = 20_000", "value = 500_000");
     fs::write(folder.join("encoder-board.toml"), sheet).unwrap();
-    let machine =
-        read("machines/reference.toml").replace("overrun-misses-max = 60 ", "overrun-misses-max = 60000");
+    let machine = read("machines/reference.toml")
+        .replace("pause-cycles-max = 8 ", "pause-cycles-max = 900")
+        .replace("overrun-misses-max = 60 ", "overrun-misses-max = 60000");
     let path = folder.join("patient.toml");
     fs::write(&path, machine).unwrap();
     path
