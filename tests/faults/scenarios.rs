@@ -46,14 +46,14 @@ pub(crate) fn scenarios() -> Vec<Scenario> {
             ..GENTLE
         },
         Scenario {
-            fault: Fault::FollowingError,
+            fault: Fault::NoResponse,
             name: "encoder frozen",
             break_it: |rig| board(rig).set_encoder_frozen(true),
             mend_it: |rig| board(rig).set_encoder_frozen(false),
             cycles_max: 8,
             way_mm_max: 15.0,
-            // Its next reading is far from the last.
-            afterwards: Some(Fault::EncoderJump),
+            // What was not counted is lost.
+            afterwards: Some(Fault::NoResponse),
             ..GENTLE
         },
         Scenario {

@@ -134,8 +134,11 @@ impl AxisLoop {
     pub fn violation(&self, sample: &Sample) -> Option<Fault> {
         let limits = &self.settings.limits;
         match limits.violation(sample, self.position.expected_position(), self.reach) {
-            // Travel is ramped out under control, which an axis that does not answer has not.
-            None | Some(Fault::Travel) if self.momentum.is_unanswered() => Some(Fault::FollowingError),
+            // Travel is ramped out under control, which an axis that does not answer has not; and that it does
+            // not is the cause of its following error.
+            None | Some(Fault::Travel | Fault::FollowingError) if self.momentum.is_unanswered() => {
+                Some(Fault::NoResponse)
+            }
             found => found,
         }
     }
