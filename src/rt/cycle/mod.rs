@@ -193,7 +193,8 @@ impl Cycle {
             let commands = self.record.commands();
             let of_link = verdict::of_link(observation, *mode, commands, is_lossy, &self.settings);
             let violation = self.loops[axis].violation(&observation.sample);
-            let of_axis = verdict::of_axis(observation, *mode, limits, &self.answers[axis], violation);
+            let is_jump = self.loops[axis].is_jump(&observation.sample, observation.acceleration);
+            let of_axis = verdict::of_axis(*mode, is_jump, &self.answers[axis], violation);
             let own = verdict::worst(of_link, of_axis);
             let shared = is_overrun.then_some(Fault::Overrun).or(any_fault.then_some(Fault::OtherAxis));
             let sight = Sight {
