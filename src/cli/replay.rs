@@ -68,7 +68,7 @@ fn said(replay: &Replay, is_truncated: bool) -> Outcome {
         return Outcome::NotDone;
     }
     if let Some(why) = &replay.ended_early {
-        eprintln!("{why}: the state behind them is not known, so the replay ends there");
+        eprintln!("{why}\nthe state behind it is not known, so the replay ends there");
         return Outcome::Incomplete;
     }
     if is_truncated {

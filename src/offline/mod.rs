@@ -16,6 +16,7 @@ pub mod draw;
 pub mod hil;
 pub mod loops;
 pub mod margins;
+pub mod recorded;
 pub mod replay;
 pub mod report;
 pub mod trace;
