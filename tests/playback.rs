@@ -85,8 +85,8 @@ impl Orders for Given {
 }
 
 /// Plays a log to a live host with this machine file, that is ordered what the recorded one was and skips the
-/// periods it skipped; the records of the host.
-fn played(host: &Machine, log_of: &Machine, kept: &Kept) -> (Played, Vec<CycleRecord>) {
+/// periods it skipped; what the host made of it.
+fn played(host: &Machine, log_of: &Machine, kept: &Kept) -> (Played, Kept) {
     let mut playback = playback(log_of, kept, Timing::AtOnce);
     let behind = Behind { playback: &mut playback, way: Way::default() };
     let mut bus = Lockstep::begin_on(behind, Span::ms(20)).expect("it answers at once");
@@ -96,7 +96,7 @@ fn played(host: &Machine, log_of: &Machine, kept: &Kept) -> (Played, Vec<CycleRe
         drives.expect("boards like their sheets"),
         &host.control_settings(),
     );
-    let mut records = Vec::new();
+    let mut lived = Kept::new();
     for (record, inputs) in kept {
         let mut orders = Given(inputs.iter().find_map(|input| match input.what {
             What::Order(order) => Some(order),
@@ -104,14 +104,23 @@ fn played(host: &Machine, log_of: &Machine, kept: &Kept) -> (Played, Vec<CycleRe
         }));
         let timing = Clock::at(record.timing.scheduled);
         let slot = Slot { number: record.cycle, timing, overruns: record.overruns };
-        let (live, _) = cycle.run(&mut bus, &mut orders, &slot, &mut || timing.scheduled);
+        let (live, told) = cycle.run(&mut bus, &mut orders, &slot, &mut || timing.scheduled);
         if bus.is_peer_lost() {
             break;
         }
-        records.push(*live);
+        lived.push((*live, told.iter().copied().collect()));
     }
     drop(bus);
-    (playback.into_played(), records)
+    (playback.into_played(), lived)
+}
+
+/// The heartbeats that a run was begun with.
+fn before(kept: &Kept) -> Vec<Frame> {
+    let frame = |input: &Input| match input.what {
+        What::Before(received) => Some(received.frame),
+        What::Order(_) | What::Frame { .. } => None,
+    };
+    kept[0].1.iter().filter_map(frame).collect()
 }
 
 /// The cycle in which something happens that nobody else can do to a host.
@@ -145,7 +154,8 @@ fn whatever_happened_draws_the_recorded_commands(#[values("reference", "classic"
             }
         };
         assert_eq!((played.cycles, played.commands), (cycles as u64, 2 * cycles as u64), "seed {seed}");
-        for (live, (recorded, _)) in live.iter().zip(&kept[..cycles - 1]) {
+        assert_eq!((before(&live).len(), before(&live)), (2, before(&kept)), "seed {seed}");
+        for ((live, _), (recorded, _)) in live.iter().zip(&kept[..cycles - 1]) {
             // All of it, and not the commands alone.
             for (axis, row) in recorded.axes.iter() {
                 let live = &live.axes[axis];
