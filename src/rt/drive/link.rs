@@ -37,6 +37,8 @@ pub(super) struct Link {
     clock: BoardClock,
     period_s: f64,
     liveness: Liveness,
+    /// End of this cycle's reply window.
+    until: Moment,
     command_sequence: u8,
     pub(super) observation: Observation,
 }
@@ -55,6 +57,7 @@ impl Link {
             clock: BoardClock::new(period),
             period_s: period.as_s(),
             liveness: Liveness::default(),
+            until: Moment::ZERO,
             command_sequence: 0,
             observation: Observation::default(),
         }
@@ -71,6 +74,7 @@ impl Link {
 
     /// A cycle begins: nothing of it is fresh yet, nothing has happened in it.
     pub(super) fn begin(&mut self, cycle: u64, until: Moment) {
+        self.until = until;
         self.liveness.begin(cycle, until);
         let sample = &mut self.observation.sample;
         sample.freshness = match sample.freshness {
@@ -103,6 +107,11 @@ impl Link {
 
     /// Takes a feedback frame; whether it is the answer this cycle waits for.
     pub(super) fn take_feedback(&mut self, received: &Received, place: u8, cycle: u64) -> Taken {
+        if received.at > self.until {
+            // The window was over; it is met here because the host was late as well.
+            self.liveness.counts.late += 1;
+            return Taken::Aside;
+        }
         match self.whole(received, place, cycle) {
             Ok(Whole::Feedback { raw, arrivals }) => self.use_feedback(raw, arrivals, cycle),
             Ok(Whole::Not(taken)) => taken,
