@@ -20,7 +20,7 @@ use crate::rt::bus::Id;
 /// the controller, missing acknowledge, bus-off, bus error, restarted.
 const REPORTS: u32 = 0x001 | 0x004 | 0x020 | 0x040 | 0x080 | 0x100;
 
-/// Room for received frames that is asked for, in bytes: over a thousand frames. The default holds less than
+/// Room for received frames that is asked for, in bytes: over two thousand frames. The default holds less than
 /// 300 and drops the rest.
 const RECEIVE_BUFFER_BYTES: libc::c_int = 1 << 20;
 
