@@ -15,8 +15,6 @@ mod view;
 
 use std::io::{ErrorKind, IsTerminal, Write};
 use std::process::ExitCode;
-use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 
 use anyhow::Context;
 use clap::{Parser, Subcommand};
@@ -66,6 +64,14 @@ enum Outcome {
 /// Entry point of `quadrant`.
 pub fn main() -> ExitCode {
     let arguments = Arguments::parse();
+    // What a run says before it moves something: what is missing for real time.
+    tracing_subscriber::fmt()
+        .with_max_level(tracing::Level::WARN)
+        .with_writer(std::io::stderr)
+        .with_ansi(std::io::stderr().is_terminal())
+        .with_target(false)
+        .without_time()
+        .init();
     if let Err(errno) = size_limit::is_an_error() {
         eprintln!("a log that reaches the size limit of files would end the tool: {errno}");
     }
@@ -106,17 +112,6 @@ fn complaint(error: &anyhow::Error) -> String {
 /// The machine of `--machine`.
 fn machine(name_or_path: &str) -> anyhow::Result<Machine> {
     Ok(config::load(name_or_path)?)
-}
-
-/// A wish to stop that a signal sets.
-fn stop_wish() -> std::io::Result<Arc<AtomicBool>> {
-    let stop_wish = Arc::new(AtomicBool::new(false));
-    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
-        // The second one ends the program at once.
-        signal_hook::flag::register_conditional_shutdown(signal, 130, Arc::clone(&stop_wish))?;
-        signal_hook::flag::register(signal, Arc::clone(&stop_wish))?;
-    }
-    Ok(stop_wish)
 }
 
 /// Print a text. A closed pipe (`| head`) is no error of ours; a full disk is.

@@ -14,7 +14,6 @@ use serde_json::{Value, json};
 
 use crate::base::record::CycleRecord;
 use crate::base::time::{Moment, Span};
-use crate::cli::stop_wish;
 use crate::config::Machine;
 use crate::config::plan::CircleRequest;
 use crate::log::header::file_stamp;
@@ -65,7 +64,9 @@ pub(super) fn record(
     allow_jitter: bool,
     log: &Path,
 ) -> anyhow::Result<Recording> {
-    let run = Run { began: Instant::now(), machine, request, test, place, log, stop_wish: stop_wish()? };
+    let moves_a_machine = place.interface.is_some() && place.pace == Pace::Realtime;
+    let stop_wish = run::stop_wish(!moves_a_machine)?;
+    let run = Run { began: Instant::now(), machine, request, test, place, log, stop_wish };
     match (place.interface, place.pace) {
         (None, pace) => {
             let prepared = (pace == Pace::Realtime).then(|| Prepared::new(machine, None)).transpose()?;
@@ -139,7 +140,7 @@ impl Run<'_> {
         let mut orders = CircleProcedure::new(*test, Arc::clone(&stop_wish));
         let period = machine.cycle.period;
         begin(&mut bus, origin.monotonic);
-        let (ending, bus) = match prepared {
+        let end = match prepared {
             Some(prepared) => {
                 let conductor = prepared.thread.give(move || {
                     let mut records = Both(to_log, to_trace);
@@ -147,7 +148,7 @@ impl Run<'_> {
                     let last = conduct(&mut cycle, &mut bus, &mut grid, &mut orders, &mut records);
                     (orders.ending(&last), bus)
                 });
-                joined(conductor).context("the thread of the cycle ended without having run it")?
+                conductor.join().map(|end| end.context("the thread of the cycle ended without having run it"))
             }
             None => {
                 let conductor = thread::Builder::new().name("cycle".to_owned()).spawn(move || {
@@ -156,12 +157,14 @@ impl Run<'_> {
                     let last = conduct(&mut cycle, &mut bus, &mut grid, &mut orders, &mut records);
                     (orders.ending(&last), bus)
                 })?;
-                joined(conductor)
+                conductor.join().map(Ok)
             }
         };
         bar.finish();
-        let trace = joined(tracer).context("the run left no trace")?;
+        // First of all what was recorded, also of a run that broke off.
         let log = writer.join();
+        let (ending, bus) = end.unwrap_or_else(|panic| std::panic::resume_unwind(panic))?;
+        let trace = joined(tracer).context("the run left no trace")?;
         let wall_s = began.elapsed().as_secs_f64();
         let recording = Recording {
             ending,
