@@ -302,9 +302,10 @@ impl Cycle {
 
 /// What a cycle lost of one board: its fresh feedback, and frames that came and could not be used.
 fn losses(observation: &Observation, before: &LinkCounts) -> u64 {
-    let unusable = |counts: &LinkCounts| counts.late + counts.repeated + counts.malformed;
+    let unusable =
+        |counts: &LinkCounts| counts.late.wrapping_add(counts.repeated).wrapping_add(counts.malformed);
     u64::from(observation.sample.freshness != Freshness::Fresh)
-        + u64::from(unusable(&observation.link).saturating_sub(unusable(before)))
+        + u64::from(unusable(&observation.link).wrapping_sub(unusable(before)))
 }
 
 /// Run cycles until the orders say that it is done and the axes are at rest; the last record.
