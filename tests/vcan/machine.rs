@@ -18,7 +18,7 @@ use crate::rig::{CAN_UTILS, Interface, say};
 const SMALL: [&str; 6] = ["--radius-mm", "3", "--feed-mm-per-min", "1500", "--direction", "ccw"];
 
 /// `hil-sim` on an interface; killed with its value.
-struct Machine {
+pub(crate) struct Machine {
     child: Child,
     said: BufReader<ChildStderr>,
 }
@@ -26,10 +26,16 @@ struct Machine {
 impl Machine {
     #[track_caller]
     fn start(interface: &Interface, seed: &str) -> Self {
+        Self::start_with(interface, &["--pace", "virtual", "--seed", seed])
+    }
+
+    #[track_caller]
+    pub(crate) fn start_with(interface: &Interface, words: &[&str]) -> Self {
         let program = assert_cmd::cargo::cargo_bin("quadrant").with_file_name("hil-sim");
         assert!(program.exists(), "{} is missing: cargo build -p hil-sim", program.display());
         let mut child = Command::new(program)
-            .args(["--bus", &interface.name, "--pace", "virtual", "--seed", seed])
+            .args(["--bus", &interface.name])
+            .args(words)
             .stdout(Stdio::null())
             .stderr(Stdio::piped())
             .spawn()
@@ -43,7 +49,7 @@ impl Machine {
 
     /// Ends it by a signal; what it said at the end.
     #[track_caller]
-    fn end(mut self, signal: &str) -> String {
+    pub(crate) fn end(mut self, signal: &str) -> String {
         assert!(
             Command::new("kill").args([signal, &self.child.id().to_string()]).status().unwrap().success()
         );
@@ -162,7 +168,7 @@ fn up_time() -> Duration {
 }
 
 #[track_caller]
-fn wait_for(what: &str, is_so: impl Fn() -> bool) {
+pub(crate) fn wait_for(what: &str, is_so: impl Fn() -> bool) {
     let began = Instant::now();
     while !is_so() {
         assert!(began.elapsed() < Duration::from_secs(30), "waited for {what}");

@@ -15,5 +15,6 @@ mod frames;
 mod interface;
 mod machine;
 mod playback;
+mod scenarios;
 mod times;
 mod tools;
