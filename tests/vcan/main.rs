@@ -8,6 +8,7 @@
 
 mod rig;
 
+mod clock;
 mod flood;
 #[path = "../common/heap.rs"]
 mod heap;
@@ -16,5 +17,6 @@ mod interface;
 mod machine;
 mod playback;
 mod scenarios;
+mod slow;
 mod times;
 mod tools;
