@@ -17,10 +17,10 @@ use std::io::{ErrorKind, IsTerminal, Write};
 use std::process::ExitCode;
 
 use anyhow::Context;
-use clap::{Parser, Subcommand};
+use clap::{Parser, Subcommand, ValueEnum};
 
 use crate::config::{self, LoadError, Machine};
-use crate::log::size_limit;
+use crate::log::{Pace, size_limit};
 use crate::run::VERSION;
 
 /// Circular tests, checks and logs of ball-screw axes.
@@ -48,6 +48,22 @@ enum Verb {
     /// Run the recorded inputs of a log through today's code, or play its boards to a live host on a bus: the
     /// same must come out, bit for bit
     Replay(replay::Arguments),
+}
+
+/// How time passes in a run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum PaceName {
+    Virtual,
+    Realtime,
+}
+
+impl PaceName {
+    const fn pace(self) -> Pace {
+        match self {
+            Self::Virtual => Pace::Virtual,
+            Self::Realtime => Pace::Realtime,
+        }
+    }
 }
 
 /// How a verb ended, unless by an error.

@@ -10,9 +10,9 @@ use super::axis::{Axis, Stepping};
 use super::board::Board;
 use super::script::Script;
 use super::script::player::Player;
+use super::truth::AxisTruth;
 use crate::base::axis::{AxisId, PerAxis};
 use crate::base::time::{Moment, Span};
-use crate::base::units::{Current, Position};
 use crate::plant::{self, FINE_STEPS};
 use crate::rt::bus::{Bus, Frame};
 use crate::rt::wire::{Address, command};
@@ -94,14 +94,9 @@ impl Rack {
         self.axes[axis.index()].state()
     }
 
-    /// Where the motor of an axis is, as a perfect encoder would be latched by a SYNC now.
-    pub fn sensed(&self, axis: AxisId) -> Position {
-        self.axes[axis.index()].sensed()
-    }
-
-    /// Current that the drive of an axis gives now.
-    pub fn current(&self, axis: AxisId) -> Current {
-        self.axes[axis.index()].current()
+    /// What all axes really do, where a perfect encoder would be latched by a SYNC now.
+    pub fn truths(&self) -> PerAxis<AxisTruth> {
+        PerAxis::from_fn(self.axes.len(), |axis| self.axes[axis.index()].truth(Span::ZERO))
     }
 }
 

@@ -33,7 +33,7 @@ use crate::sim::closed_loop::{Patient, Wired, commission};
 /// Records on their way to the disk: seconds of a cycle at 2 kHz, so that a slow disk loses nothing.
 const RING_RECORDS: usize = 8_192;
 /// How long a machine in another process may be silent: far beyond a busy desk.
-const PATIENCE: Span = Span::ms(2_000);
+pub(in crate::cli) const PATIENCE: Span = Span::ms(2_000);
 
 /// Now, as a part of a file name.
 pub(super) fn stamp_now() -> String {
@@ -94,7 +94,7 @@ pub(super) fn record(
 }
 
 /// A bus in lock step with the machine behind an interface.
-fn lock_step(machine: &Machine, interface: &str) -> anyhow::Result<Lockstep<SocketCan>> {
+pub(in crate::cli) fn lock_step(machine: &Machine, interface: &str) -> anyhow::Result<Lockstep<SocketCan>> {
     let bus = run::open(machine, interface, &[lockstep::MARKER])?;
     Lockstep::begin(bus, PATIENCE)
         .with_context(|| format!("{interface}: is `hil-sim --bus {interface} --pace virtual` running?"))
@@ -219,11 +219,11 @@ fn records(mut ring: rtrb::Consumer<CycleRecord>) -> impl Iterator<Item = CycleR
 }
 
 /// A thread's result; its panic goes on here.
-fn joined<T>(thread: thread::JoinHandle<T>) -> T {
+pub(in crate::cli) fn joined<T>(thread: thread::JoinHandle<T>) -> T {
     thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
 }
 
-fn header(
+pub(in crate::cli) fn header(
     machine: &Machine,
     request: &CircleRequest,
     test: &CircleTest,

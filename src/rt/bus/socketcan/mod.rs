@@ -32,7 +32,7 @@ use socketcan::CanSocket;
 
 use self::batch::Slot;
 use self::layout::Raw;
-pub use self::open::{OpenError, Settings};
+pub use self::open::{OpenError, Settings, is_virtual};
 use self::stamps::Stamps;
 use super::{Bus, Frame, Received, SendError};
 use crate::base::time::{Moment, Span};
@@ -54,6 +54,8 @@ pub struct SocketCan {
     stamps: Stamps,
     inbox: Inbox,
     dropped: Dropped,
+    /// Whether reports are sent.
+    plays_controllers: bool,
 }
 
 /// Frames that were received and not yet handed out.
@@ -114,12 +116,28 @@ impl SocketCan {
             stamps: Stamps::since(monotonic_now()),
             inbox: Inbox::new(),
             dropped: Dropped::default(),
+            plays_controllers: false,
         })
     }
 
     /// The run begins at `origin` on the monotonic clock: moment zero from here on.
     pub fn set_origin(&mut self, origin: Moment) {
         self.origin = origin;
+    }
+
+    /// From here on reports are sent too: everybody else on the interface takes them for those of their own
+    /// controller. Virtual interfaces carry them, and have no controller that could report; for a simulated
+    /// machine, never for a host.
+    ///
+    /// # Errors
+    /// On an interface that may have a controller.
+    pub fn play_controllers(&mut self) -> Result<(), OpenError> {
+        let link = std::path::Path::new("/sys/class/net").join(&self.interface);
+        if !is_virtual(&link, &self.interface) {
+            return Err(OpenError::HasController { interface: self.interface.clone() });
+        }
+        self.plays_controllers = true;
+        Ok(())
     }
 
     /// Attaches to an interface that was removed, if it is there again and it is time to look.
@@ -199,12 +217,13 @@ impl SocketCan {
         let mut places = [0; batch::FRAMES];
         let mut count = 0;
         for (place, frame) in frames.iter().enumerate() {
-            match (layout::encode(frame), raws.get_mut(count), places.get_mut(count)) {
+            let report = || layout::encode_report(frame).filter(|_| self.plays_controllers);
+            match (layout::encode(frame).or_else(report), raws.get_mut(count), places.get_mut(count)) {
                 (Some(raw), Some(room), Some(of_raw)) => {
                     (*room, *of_raw) = (raw, place);
                     count += 1;
                 }
-                // A report of a controller: no bus carries it.
+                // A report of a controller: no real bus carries it.
                 _ => refused(place, SendError::Down),
             }
         }

@@ -77,6 +77,15 @@ pub enum OpenError {
         /// Largest frame, in bytes.
         mtu: u32,
     },
+    /// Reports were to be sent.
+    #[error(
+        "interface {interface} is not a vcan: reports of its controller cannot be played, so no scenario in which \
+         the host's controller fails"
+    )]
+    HasController {
+        /// Its name.
+        interface: String,
+    },
     /// Anything else.
     #[error("interface {interface}: {attempt}: {cause}")]
     Refused {
@@ -169,6 +178,17 @@ pub(super) fn attach(socket: &CanSocket, interface: &str, filters: &[u8]) -> Res
         .map_err(|cause| (Attempt::Filter, errno(cause)))?;
     let address = CanAddr::new(index);
     socket.as_raw_socket().bind(&address.into()).map_err(|cause| (Attempt::Bind, errno(cause)))
+}
+
+/// Whether the interface of this name, with its place in `/sys/class/net`, is a virtual one without controller.
+/// Only a `vcan` by name and place is taken for virtual: an adapter on a serial line (slcan) has no device
+/// either, and one that does not exist may come back with a machine behind it.
+pub fn is_virtual(place: &std::path::Path, name: &str) -> bool {
+    let place = place.canonicalize().unwrap_or_default();
+    let mut steps = place.components().map(|step| step.as_os_str());
+    name.starts_with("vcan")
+        && steps.any(|step| step == "devices")
+        && steps.next().is_some_and(|step| step == "virtual")
 }
 
 /// Largest frame of an interface, in bytes.
