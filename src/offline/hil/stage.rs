@@ -109,11 +109,11 @@ pub(super) fn run<B: Bus, T: Truths<B>>(
     for _ in 0..cycles_max {
         let slot = pace.wait();
         let (record, inputs) = cycle.run(bus, &mut course, &slot, &mut || pace.now());
-        let record = *record;
-        if ending.is_none() && course.is_done(&record) {
+        let (record, inputs) = (*record, inputs.iter().copied().collect());
+        // Where a run of the programs ends; what follows shows what it leaves behind.
+        if ending.is_none() && course.is_done(&record) && cycle.is_at_rest() {
             ending = Some(course.ending(&record));
         }
-        let inputs = inputs.iter().copied().collect();
         pending.push_back(Pending { record, inputs, is_done: ending.is_some() });
         truths.learn(bus, slot.number, &mut known)?;
         while let (Some(Pending { record, inputs, is_done }), Some(truth)) = (pending.front(), known.front())
