@@ -66,6 +66,7 @@ fn in_lock_step(
     mut truth: TruthFile,
     is_over: &AtomicBool,
 ) -> anyhow::Result<()> {
+    bus.leave_undated();
     let mut session = Session::new(|| simulated.rack());
     let mut busy = Busy::default();
     let mut until = Moment::ZERO;

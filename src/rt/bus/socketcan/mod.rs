@@ -56,6 +56,8 @@ pub struct SocketCan {
     /// Moment zero of the run, on the monotonic clock.
     origin: Moment,
     stamps: Stamps,
+    /// Whether somebody asks when frames came.
+    is_dated: bool,
     inbox: Inbox,
     dropped: Dropped,
     /// Whether reports are sent.
@@ -118,6 +120,7 @@ impl SocketCan {
             search_at: None,
             origin,
             stamps: Stamps::since(monotonic_now()),
+            is_dated: true,
             inbox: Inbox::new(),
             dropped: Dropped::default(),
             plays_controllers: false,
@@ -127,6 +130,12 @@ impl SocketCan {
     /// The run begins at `origin` on the monotonic clock: moment zero from here on.
     pub fn set_origin(&mut self, origin: Moment) {
         self.origin = origin;
+    }
+
+    /// From here on a frame comes when it is waited for: in virtual time nobody asks when it really came, and
+    /// where reading a clock is a call into the kernel, the dates are a large part of a cycle.
+    pub fn leave_undated(&mut self) {
+        self.is_dated = false;
     }
 
     /// From here on reports are sent too: everybody else on the interface takes them for those of their own
@@ -185,10 +194,10 @@ impl SocketCan {
             }
         };
         if self.inbox.count > 0 {
-            let now = Clocks::now();
+            let now = self.is_dated.then(Clocks::now);
             let slots = self.inbox.slots.iter().zip(&mut self.inbox.times);
             for (slot, time) in slots.take(self.inbox.count) {
-                *time = self.stamps.place(slot.stamp, now);
+                *time = now.map_or(before, |now| self.stamps.place(slot.stamp, now));
                 if let Some(counter) = slot.dropped {
                     self.dropped.advance(counter);
                 }
