@@ -24,17 +24,18 @@ const TELL: Span = Span::ms(1_000);
 /// Below the cycle of a daemon on the same computer, above everything that is not real time.
 const REAL_TIME: thread::Settings = thread::Settings { priority: 60, cpu: None };
 
-/// Serve until told otherwise, and say what was served.
+/// Serve until told otherwise, and say what was served; `ready` says when a host is heard.
 pub(crate) fn run(
     simulated: &Simulated,
     bus: SocketCan,
     truth: TruthFile,
     is_over: &AtomicBool,
+    ready: impl FnOnce(&mut TruthFile) -> anyhow::Result<()> + Send,
 ) -> anyhow::Result<()> {
     let _process = Process::prepare();
     // In a thread of its own: the one that calls is left to the signals.
     std::thread::scope(|scope| {
-        let served = scope.spawn(|| serve(simulated, bus, truth, is_over)).join();
+        let served = scope.spawn(|| serve(simulated, bus, truth, is_over, ready)).join();
         served.unwrap_or_else(|panic| std::panic::resume_unwind(panic))
     })
 }
@@ -44,6 +45,7 @@ fn serve(
     bus: SocketCan,
     mut truth: TruthFile,
     is_over: &AtomicBool,
+    ready: impl FnOnce(&mut TruthFile) -> anyhow::Result<()>,
 ) -> anyhow::Result<()> {
     if let Err(errno) = Thread::prepare(&REAL_TIME).fifo {
         eprintln!("hil-sim: runs without real time ({errno}), so answers may be late");
@@ -52,6 +54,7 @@ fn serve(
     let mut bus = Watched::new(bus, simulated.machine.cycle.reply_window, began);
     let mut rack = simulated.live_rack(Moment::ZERO);
     let mut told = Moment::ZERO;
+    ready(&mut truth)?;
     while !is_over.load(Ordering::Relaxed) {
         let now = bus.now();
         let until = now + WAIT;

@@ -50,11 +50,15 @@ pub(crate) fn run(simulated: &Simulated, service: Service<'_>) -> anyhow::Result
         bus.play_controllers()?;
     }
     let pace = if is_live { "on the wall clock" } else { "in lock step" };
-    eprintln!("{simulated}, on {interface}, {pace}: waiting for a host");
-    truth.tell()?;
+    // Said when it is true: a host that came before would wait in vain.
+    let ready = |truth: &mut TruthFile| {
+        eprintln!("{simulated}, on {interface}, {pace}: waiting for a host");
+        truth.tell()
+    };
     if is_live {
-        live::run(simulated, bus, truth, &is_over)
+        live::run(simulated, bus, truth, &is_over, ready)
     } else {
+        ready(&mut truth)?;
         in_lock_step(simulated, bus, truth, &is_over)
     }
 }
@@ -66,6 +70,7 @@ fn in_lock_step(
     mut truth: TruthFile,
     is_over: &AtomicBool,
 ) -> anyhow::Result<()> {
+    bus.leave_undated();
     let mut session = Session::new(|| simulated.rack());
     let mut busy = Busy::default();
     let mut until = Moment::ZERO;

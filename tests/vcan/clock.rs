@@ -311,3 +311,46 @@ fn a_daemon_whose_machine_is_killed_waits_for_a_person_and_the_next_one_runs() {
     next.wait_until("ready");
     assert_eq!(next.terminate().0, Some(0));
 }
+
+/// A scenario on a machine of a file.
+fn scenario(folder: &Path, name: &str, machine: &Path, rest: &str) -> PathBuf {
+    let file = folder.join(name).with_extension("toml");
+    let motion = "kind = \"circle\"\ngains = \"standard\"\nradius-mm = 1.0\nfeed-mm-per-min = 250.0\n\
+                  direction = \"ccw\"\nrevolutions = 1\ncentre-x-mm = 0.0\ncentre-y-mm = 0.0\n\
+                  start-angle-deg = 45.0";
+    let machine = machine.display();
+    let text = format!(
+        "name = \"{name}\"\nshows = \"It.\"\nmachine = \"{machine}\"\nseed = 1\n\n[motion]\n{motion}\n\n{rest}"
+    );
+    fs::write(&file, text).unwrap();
+    file
+}
+
+#[test]
+fn scenarios_on_the_clock_are_judged_by_the_truth_of_the_machine() {
+    let Some(interface) = Interface::new() else { return };
+    let folder = TempDir::new().unwrap();
+    let machine = slowest(folder.path());
+    let clean = "[expect]\nending = \"complete\"\nposition-error-max-um = 0.02\npath-error-max-um = 1000.0\n";
+    let silent = "[[fault]]\nkind = \"silent-board\"\naxis = \"y\"\nat-s = 1.5\nfor-s = 5.0\n\n\
+                  [expect]\nending = \"faulted\"\nfault = \"feedback-lost\"\naxis = \"y\"\n\
+                  current-zero-within-cycles = 100\nrest-within-cycles = 200\n";
+    let bus_off = "[[fault]]\nkind = \"controller-bus-off\"\nat-s = 1.5\nfor-s = 0.5\n\n\
+                   [expect]\nending = \"faulted\"\nfault = \"bus-down\"\naxis = \"all\"\n\
+                   current-zero-within-cycles = 100\nrest-within-cycles = 200\n";
+    let files = [("clean", clean), ("silent", silent), ("bus-off", bus_off)]
+        .map(|(name, rest)| scenario(folder.path(), name, &machine, rest));
+    let mut tool = Command::new(assert_cmd::cargo::cargo_bin("quadrant"));
+    tool.args(["hil", "run", "--json", "--bus", &interface.name, "--pace", "realtime"]).args(&files);
+    let output = tool.output().unwrap();
+    let told: Value = serde_json::from_slice(&output.stdout)
+        .unwrap_or_else(|_| panic!("{}", String::from_utf8_lossy(&output.stderr)));
+    assert_eq!(told["unmet"], 0, "{told:#}");
+    for scenario in told["scenarios"].as_array().unwrap() {
+        assert!(scenario["unjudged"].as_array().unwrap().is_empty(), "{scenario}");
+        assert_eq!(scenario["findings"].as_array().unwrap().len(), 3, "{scenario}");
+    }
+    // What the axes really did is asked for the position error, and it is not that of another moment.
+    let error = &told["scenarios"][0]["findings"][1];
+    assert_eq!(error["expectation"], "position-error-max-um", "{error}");
+}

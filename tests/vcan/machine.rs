@@ -6,6 +6,8 @@ use std::process::{Child, ChildStderr, Command, Output, Stdio};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use quadrant::base::axis::AxisId;
+use quadrant::base::record::CycleRecord;
 use quadrant::base::time::Moment;
 use quadrant::log::Reader;
 use quadrant::rt::clock::monotonic_now;
@@ -247,4 +249,43 @@ fn an_interface_that_is_not_there_is_named_before_anything_is_begun() {
     let expected = if has_can { ["there is no interface can77", "ip -brief link"] } else { ["can", "error"] };
     expected.iter().for_each(|part| assert!(said.contains(part), "does not say `{part}`: {said}"));
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
+/// Random frames with an identifier of ours, one in so many milliseconds, while a circle is run: how it ended,
+/// what was said, and its records.
+fn disturbed(interface: &Interface, gap_ms: &str) -> (Option<i32>, String, Vec<CycleRecord>) {
+    let folder = TempDir::new().unwrap();
+    // As long as the feedback of x, with anything in it.
+    let words = [&interface.name, "-g", gap_ms, "-I", "181", "-f", "-b", "-L", "24"];
+    let mut noise = Command::new("cangen").args(words).spawn().expect(CAN_UTILS);
+    let output = circle(&on(interface, &SMALL), folder.path()).output().unwrap();
+    noise.kill().unwrap();
+    noise.wait().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    let log = log_of(folder.path()).expect("a log");
+    (output.status.code(), said, Reader::open(&log).unwrap().map(Result::unwrap).collect())
+}
+
+#[test]
+fn random_frames_under_a_boards_identifier_are_counted_and_never_believed() {
+    let Some(interface) = Interface::new() else { return };
+    let _machine = Machine::start(&interface, "1");
+    for (gap_ms, expected) in [("400", None), ("5", Some("docs/faults/01-feedback-lost.md"))] {
+        let (code, said, records) = disturbed(&interface, gap_ms);
+        let last = records.last().unwrap();
+        let link = last.axes[AxisId::X].link;
+        let unusable = link.late + link.repeated + link.malformed;
+        assert!(unusable > 3, "{unusable} of the random frames were counted");
+        match expected {
+            None => assert_eq!(code, Some(0), "{unusable} unusable frames: {said}"),
+            Some(page) => {
+                assert!(code == Some(2) && said.contains(page), "{unusable} unusable frames: {said}")
+            }
+        }
+        for pair in records.windows(2) {
+            let [before, after] = [&pair[0], &pair[1]].map(|record| record.axes[AxisId::X].sample.position);
+            let step_um = (after - before).as_um().abs();
+            assert!(step_um < 100.0, "x went {step_um} um in cycle {}", pair[1].cycle);
+        }
+    }
 }

@@ -76,12 +76,12 @@ fn scenarios(shortened: &Path) -> Vec<PathBuf> {
 /// A scenario that takes about a quarter of its time.
 fn shortened_text(text: &str) -> String {
     let line = |line: &str| match line.split_once(" = ") {
-        Some(("radius-mm", _)) => "radius-mm = 1.0".to_owned(),
-        Some(("feed-mm-per-min", _)) => "feed-mm-per-min = 500.0".to_owned(),
+        Some(("radius-mm", _)) => "radius-mm = 0.1".to_owned(),
+        Some(("feed-mm-per-min", _)) => "feed-mm-per-min = 100.0".to_owned(),
         Some((key @ ("at-s" | "for-s"), value)) => {
             let time_s: f64 = value.parse().unwrap();
             // What lasts a period or so still does.
-            format!("{key} = {:?}", if time_s < 0.01 { time_s } else { 0.15 * time_s })
+            format!("{key} = {:?}", if time_s < 0.01 { time_s } else { 0.1 * time_s })
         }
         _ => line.to_owned(),
     };

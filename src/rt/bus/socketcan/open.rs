@@ -166,8 +166,9 @@ impl Attempt {
     }
 }
 
-/// Binds a socket to the interface of this name. Neither waits nor allocates, so that a bus can be attached
-/// again while the cycle runs.
+/// Binds a socket to the interface of this name. Allocates nothing, so that a bus can be attached again while the
+/// cycle runs. Filters and binding take the kernel's lock of its network configuration, and wait for whoever
+/// adds or removes interfaces meanwhile.
 pub(super) fn attach(socket: &CanSocket, interface: &str, filters: &[u8]) -> Result<(), (Attempt, Errno)> {
     let errno = |cause: io::Error| cause.raw_os_error().map_or(Errno::UnknownErrno, Errno::from_raw);
     let index = if_nametoindex(interface).map_err(|errno| (Attempt::Find, errno))?;
