@@ -61,6 +61,11 @@ impl OnBus<'_> {
     pub(super) fn ensure_virtual(&self) -> anyhow::Result<()> {
         let place = Path::new("/sys/class/net").join(self.interface);
         ensure!(
+            place.exists(),
+            "there is no interface {}; `ip -brief link` lists those there are",
+            self.interface
+        );
+        ensure!(
             is_virtual(&place, self.interface),
             "{} is not a vcan: a real machine may be at its other end, and scenarios are for simulated ones",
             self.interface
