@@ -22,6 +22,11 @@ fn um(value: f64) -> String {
     format!("{value:.2}")
 }
 
+/// A number that may not be one.
+fn known(value: f64, decimals: usize) -> String {
+    if value.is_nan() { "not known".to_owned() } else { format!("{value:.decimals$}") }
+}
+
 /// Percentiles of the shares of a period.
 pub(super) fn latency_table(shares: &[Share]) -> String {
     let mut rows = table(&["us", "p50", "p99", "p99.9", "p99.99", "max"]);
@@ -124,7 +129,7 @@ pub(super) fn log_table(started: &str, header: &Header, summary: &Summary) -> St
             axis.cycles_by_mode.iter().map(|(mode, cycles)| format!("{mode} {cycles}")).collect();
         axes.add_row([
             axis.name.clone(),
-            format!("{:.1}", axis.following_error_um_max),
+            known(axis.following_error_um_max, 1),
             format!("{:.2}", axis.current_a_max),
             modes.join(", "),
         ]);
