@@ -23,6 +23,8 @@ use super::schema;
 pub(super) const METADATA: &str = "quadrant";
 /// Name of the attachment that is the machine file.
 pub const MACHINE_ATTACHMENT: &str = "machine.toml";
+/// Name of the extra that says of a log that it was imported, and what is not known of its run.
+pub const IMPORTED: &str = "imported";
 /// Before the name of a key that the caller added.
 const EXTRA: &str = "extra.";
 /// Before the name of a board sheet.

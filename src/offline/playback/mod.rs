@@ -32,7 +32,7 @@ use super::recorded::{Recorded, RecordedCycle, StartError};
 use super::traffic::Frames;
 use crate::base::frame::{Format, Frame, Received};
 use crate::base::input::What;
-use crate::base::record::{BusState, CycleRecord, Refusal};
+use crate::base::record::{AxisRecord, BusState, CycleRecord, Refusal};
 use crate::base::time::{Moment, Span};
 use crate::config::Machine;
 use crate::log::LogError;
@@ -282,7 +282,8 @@ impl<I: Iterator<Item = Result<RecordedCycle, LogError>>> Playback<I> {
             return;
         }
         self.awaited = Some(Awaited::of(&self.frames, &cycle.record));
-        self.was_refused = cycle.record.commands() != Refusal::None;
+        let is_refused = |row: &AxisRecord| matches!(row.refusal, Refusal::Full | Refusal::Down);
+        self.was_refused = cycle.record.axes.as_slice().iter().any(is_refused);
         self.schedule(&cycle, at);
         self.speak(at, bus);
     }
@@ -362,7 +363,7 @@ fn heartbeats_before(first: Option<&RecordedCycle>) -> Vec<Frame> {
 
 /// What nobody at the other end of a bus can do to a host.
 fn unplayable(record: &CycleRecord) -> Option<&'static str> {
-    if record.bus.sync != Refusal::None {
+    if matches!(record.bus.sync, Refusal::Full | Refusal::Down) {
         return Some("the recorded bus refused a SYNC, of which the host here is not told");
     }
     (record.bus.state == BusState::BusOff)
