@@ -47,6 +47,8 @@ pub enum Fault {
     BusDown = 18,
     /// Somebody else sends SYNC or commands on this bus.
     SecondHost = 19,
+    /// The motor does not move as its current makes it.
+    NoResponse = 20,
 }
 
 /// What an axis does on a fault.
@@ -62,7 +64,7 @@ pub enum StopCategory {
 
 impl Fault {
     /// Every fault, in order of the numbers.
-    pub const ALL: [Self; 19] = [
+    pub const ALL: [Self; 20] = [
         Self::FeedbackLost,
         Self::DriveFault,
         Self::FollowingError,
@@ -82,6 +84,7 @@ impl Fault {
         Self::StopTimeout,
         Self::BusDown,
         Self::SecondHost,
+        Self::NoResponse,
     ];
 
     /// The number that stands in the log.
@@ -114,6 +117,7 @@ impl Fault {
             Self::StopTimeout => "stop-timeout",
             Self::BusDown => "bus-down",
             Self::SecondHost => "second-host",
+            Self::NoResponse => "no-response",
         }
     }
     /// The page about it, from the top of the project.
@@ -124,8 +128,8 @@ impl Fault {
     pub const fn stop(self) -> StopCategory {
         match self {
             Self::Travel | Self::HeartbeatLost | Self::OtherAxis | Self::Overrun => StopCategory::Controlled,
-            // An axis that left its response has no control to ramp down with: behind a frozen encoder
-            // the loop would accelerate it for as long as the ramp takes.
+            // An axis that left its response, or does not answer, has no control to ramp down with: behind a
+            // frozen encoder the loop would accelerate it for as long as the ramp takes.
             Self::FeedbackLost
             | Self::DriveFault
             | Self::FollowingError
@@ -140,13 +144,15 @@ impl Fault {
             | Self::SendFailed
             | Self::StopTimeout
             | Self::BusDown
-            | Self::SecondHost => StopCategory::Immediate,
+            | Self::SecondHost
+            | Self::NoResponse => StopCategory::Immediate,
         }
     }
     /// Whether the position counted so far is not to be trusted after it. Such a fault is never cleared:
-    /// travel limits would stand at the wrong place until the host is started again.
+    /// travel limits would stand at the wrong place until the host is started again. An encoder that did not
+    /// show what the current did has not counted it either.
     pub const fn loses_reference(self) -> bool {
-        matches!(self, Self::BoardReset | Self::EncoderJump)
+        matches!(self, Self::BoardReset | Self::EncoderJump | Self::NoResponse)
     }
 }
 

@@ -105,6 +105,14 @@ pub struct Parameters {
 }
 
 impl Parameters {
+    /// Acceleration of the motor by its strongest torque, with nothing to turn but itself: the screw is
+    /// elastic, so for a moment the table is not there.
+    pub fn motor_acceleration_max(&self) -> Acceleration {
+        let torque_nm = self.actuator.torque(self.actuator.peak_current).as_nm();
+        Acceleration::m_per_s2(
+            torque_nm.abs() / self.mechanics.inertia_kg_m2 * self.mechanics.travel_per_rad_m(),
+        )
+    }
     /// The same axis without friction.
     pub const fn without_friction(mut self) -> Self {
         self.friction = friction::Parameters::NONE;

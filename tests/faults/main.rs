@@ -27,6 +27,8 @@ use trouble::{GENTLE, Scenario, Strikes, board, good_line, node};
 
 /// Speed of the axes when things go wrong, mm/s.
 const SPEED_MM_PER_S: f64 = 100.0;
+/// So slow that an encoder may stop at once.
+const CREEP_MM_PER_S: f64 = 3.0;
 
 /// What came of a scenario.
 struct Outcome {
@@ -79,6 +81,13 @@ fn prepared(machine: &str, scenario: &Scenario) -> Rig {
     rig.run(20);
     match scenario.strikes {
         Strikes::Enabling => rig.order(Order::Enable),
+        Strikes::Creeping => {
+            rig.enable();
+            let order = rig.line_to(200.0, CREEP_MM_PER_S);
+            rig.order(order);
+            rig.run(1_400);
+            assert_eq!(rig.axis(X).mode, ModeTag::Moving);
+        }
         Strikes::Moving => {
             rig.enable();
             let order = rig.line_to(200.0, SPEED_MM_PER_S);

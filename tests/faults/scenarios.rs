@@ -46,14 +46,26 @@ pub(crate) fn scenarios() -> Vec<Scenario> {
             ..GENTLE
         },
         Scenario {
-            fault: Fault::FollowingError,
-            name: "encoder frozen",
+            // Nothing stops so short.
+            fault: Fault::EncoderJump,
+            name: "encoder frozen at speed",
             break_it: |rig| board(rig).set_encoder_frozen(true),
             mend_it: |rig| board(rig).set_encoder_frozen(false),
-            cycles_max: 8,
+            cycles_max: 2,
             way_mm_max: 15.0,
-            // Its next reading is far from the last.
             afterwards: Some(Fault::EncoderJump),
+            ..GENTLE
+        },
+        Scenario {
+            fault: Fault::NoResponse,
+            name: "encoder frozen while the axis creeps",
+            strikes: Strikes::Creeping,
+            break_it: |rig| board(rig).set_encoder_frozen(true),
+            mend_it: |rig| board(rig).set_encoder_frozen(false),
+            cycles_max: 120,
+            way_mm_max: 15.0,
+            // What was not counted is lost.
+            afterwards: Some(Fault::NoResponse),
             ..GENTLE
         },
         Scenario {
@@ -169,12 +181,12 @@ pub(crate) fn scenarios() -> Vec<Scenario> {
         },
         Scenario {
             fault: Fault::EncoderJump,
-            name: "encoder jumps as if at 2 m/s",
+            name: "encoder jumps by 25 um",
             break_it: |rig| {
-                let step_mm = 2_000.0 * rig.machine.cycle.period.as_s();
                 let counts_per_mm = f64::from(1 << 20) / 10.0;
-                board(rig).jump_encoder(TravelCounts::counts((step_mm * counts_per_mm) as i64));
+                board(rig).jump_encoder(TravelCounts::counts((0.025 * counts_per_mm) as i64));
             },
+            cycles_max: 2,
             afterwards: Some(Fault::EncoderJump),
             ..GENTLE
         },
@@ -285,6 +297,25 @@ pub(crate) fn scenarios() -> Vec<Scenario> {
                     Fate::Pass
                 });
             },
+            ..GENTLE
+        },
+        Scenario {
+            fault: Fault::Overrun,
+            name: "9 periods missed at once",
+            break_it: |rig| rig.skip(9),
+            cycles_max: RAMP_CYCLES_MAX,
+            way_mm_max: RAMP_WAY_MM_MAX + 0.5,
+            ..GENTLE
+        },
+        Scenario {
+            fault: Fault::Overrun,
+            name: "as many periods missed at once as the board's watchdog lets through",
+            break_it: |rig| {
+                let watchdog = rig.machine.axes[X].sheet.watchdog();
+                rig.skip((watchdog.as_ns() / rig.machine.cycle.period.as_ns()) as u64 - 2);
+            },
+            cycles_max: RAMP_CYCLES_MAX,
+            way_mm_max: RAMP_WAY_MM_MAX + 2.0,
             ..GENTLE
         },
         Scenario {

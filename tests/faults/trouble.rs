@@ -28,6 +28,7 @@ pub(crate) struct Scenario {
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Strikes {
     Moving,
+    Creeping,
     Enabling,
 }
 

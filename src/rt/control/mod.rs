@@ -22,10 +22,10 @@ use crate::base::fault::Fault;
 use crate::base::sample::Sample;
 use crate::base::setpoint::Setpoint;
 use crate::base::time::Span;
-use crate::base::units::{Current, Position, Torque, Velocity};
+use crate::base::units::{Acceleration, Current, Position, Torque, Velocity};
 use crate::plant::Parameters;
 
-use limits::Limits;
+use limits::{ACCELERATION_FACTOR, Limits};
 use momentum::Momentum;
 use position::PositionLoop;
 use velocity_pi::VelocityLoop;
@@ -95,6 +95,7 @@ pub struct AxisLoop {
     gain_set: u8,
     rad_per_m: f64,
     torque_bound: Torque,
+    acceleration_bound: Acceleration,
 }
 
 impl AxisLoop {
@@ -117,6 +118,7 @@ impl AxisLoop {
             gain_set: 0,
             rad_per_m: 1.0 / settings.axis.mechanics.travel_per_rad_m(),
             torque_bound: settings.axis.actuator.torque(settings.limits.current),
+            acceleration_bound: settings.axis.motor_acceleration_max() * ACCELERATION_FACTOR,
         }
     }
 
@@ -130,12 +132,21 @@ impl AxisLoop {
         &self.settings.limits
     }
 
+    /// Whether a fresh sample is no motion of the axis, with or without current; `acceleration` is the least
+    /// that leads to it.
+    pub fn is_jump(&self, sample: &Sample, acceleration: Acceleration) -> bool {
+        self.settings.limits.is_jump(sample) || acceleration > self.acceleration_bound
+    }
+
     /// What is wrong with a fresh sample of an axis that these loops move, the worst first.
     pub fn violation(&self, sample: &Sample) -> Option<Fault> {
         let limits = &self.settings.limits;
         match limits.violation(sample, self.position.expected_position(), self.reach) {
-            // Travel is ramped out under control, which an axis that does not answer has not.
-            None | Some(Fault::Travel) if self.momentum.is_unanswered() => Some(Fault::FollowingError),
+            // Travel is ramped out under control, which an axis that does not answer has not; and that it does
+            // not is the cause of its following error.
+            None | Some(Fault::Travel | Fault::FollowingError) if self.momentum.is_unanswered() => {
+                Some(Fault::NoResponse)
+            }
             found => found,
         }
     }

@@ -1,4 +1,4 @@
-//! Does the motor move as its current makes it? An encoder that stands still, a coupling that slips and an
+//! Does the motor move as its current makes it (fault 20)? An encoder that stands still, a coupling that slips and an
 //! axis that is blocked all look like a loop that pushes and gets no answer; a following error tells them
 //! only once the axis should have been elsewhere, which is late where it should be slow.
 //!

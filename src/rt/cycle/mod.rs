@@ -48,6 +48,8 @@ pub struct Settings {
     pub heartbeat_timeout: Span,
     /// How long enabling and stopping may take.
     pub patience: Patience,
+    /// Periods skipped at once that are borne: for so long the last current flows and nobody watches.
+    pub pause_cycles_max: u32,
     /// How many missed periods are borne.
     pub overruns: BucketLimit,
     /// How much missed feedback and how many unusable frames of a board are borne.
@@ -180,7 +182,8 @@ impl Cycle {
     fn decide(&mut self, wish: Wish, observed: &PerAxis<Observation>, slot: &Slot) {
         let now = slot.timing.scheduled;
         let seen = self.overruns_seen.replace(slot.overruns).unwrap_or(slot.overruns);
-        let is_overrun = self.overruns.cycle(slot.overruns - seen);
+        let skipped = slot.overruns.saturating_sub(seen);
+        let is_overrun = self.overruns.cycle(skipped) || skipped > u64::from(self.settings.pause_cycles_max);
         let any_fault = self.modes.as_slice().iter().any(|mode| mode.fault().is_some());
         for (axis, mode) in self.modes.iter_mut() {
             let observation = &observed[axis];
@@ -190,7 +193,8 @@ impl Cycle {
             let commands = self.record.commands();
             let of_link = verdict::of_link(observation, *mode, commands, is_lossy, &self.settings);
             let violation = self.loops[axis].violation(&observation.sample);
-            let of_axis = verdict::of_axis(observation, *mode, limits, &self.answers[axis], violation);
+            let is_jump = self.loops[axis].is_jump(&observation.sample, observation.acceleration);
+            let of_axis = verdict::of_axis(*mode, is_jump, &self.answers[axis], violation);
             let own = verdict::worst(of_link, of_axis);
             let shared = is_overrun.then_some(Fault::Overrun).or(any_fault.then_some(Fault::OtherAxis));
             let sight = Sight {

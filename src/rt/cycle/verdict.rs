@@ -8,7 +8,6 @@ use crate::base::fault::{Fault, StopCategory};
 use crate::base::record::Refusal;
 use crate::base::sample::Freshness;
 use crate::rt::control::Answer;
-use crate::rt::control::limits::Limits;
 use crate::rt::drive::Observation;
 use crate::rt::drive::state::DriveState;
 use crate::rt::wire::feedback::BoardFlags;
@@ -62,17 +61,11 @@ pub(super) fn worst(first: Option<Fault>, second: Option<Fault>) -> Option<Fault
     found.rev().max_by_key(|fault| (fault.loses_reference(), fault.stop() == StopCategory::Immediate))
 }
 
-/// What is wrong with an axis as such; `violation` is what its loops find. A jump of the position counts
-/// before all else, with or without current, because the position stays wrong; all else concerns only an
-/// axis that is moved.
-pub(super) fn of_axis(
-    observation: &Observation,
-    mode: Mode,
-    limits: &Limits,
-    answer: &Answer,
-    violation: Option<Fault>,
-) -> Option<Fault> {
-    if limits.is_jump(&observation.sample) {
+/// What is wrong with an axis as such; `is_jump` and `violation` are what its loops find. A jump of the
+/// position counts before all else, with or without current, because the position stays wrong; all else
+/// concerns only an axis that is moved.
+pub(super) fn of_axis(mode: Mode, is_jump: bool, answer: &Answer, violation: Option<Fault>) -> Option<Fault> {
+    if is_jump {
         Some(Fault::EncoderJump)
     } else if mode.is_energised() {
         let broken = answer.is_not_a_number.then_some(Fault::NotANumber);
@@ -90,9 +83,8 @@ pub(super) fn is_saturated(observation: &Observation) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::sample::Sample;
     use crate::base::time::Span;
-    use crate::base::units::{Acceleration, Current, Position, Velocity};
+    use crate::base::units::Acceleration;
     use crate::rt::cycle::bucket::BucketLimit;
     use crate::rt::cycle::mode::Patience;
     use crate::rt::drive::Events;
@@ -103,19 +95,10 @@ mod tests {
         stale_cycles_max: 4,
         heartbeat_timeout: Span::ms(30),
         patience: Patience { enabling: Span::ms(1_000), stopping: Span::ms(1_000) },
+        pause_cycles_max: 8,
         overruns: BucketLimit { misses_max: 2, drain_cycles: 100 },
         losses: BucketLimit { misses_max: 20, drain_cycles: 100 },
         stop_acceleration: Acceleration::m_per_s2(0.5),
-    };
-    const LIMITS: Limits = Limits {
-        travel_min: Position::mm(-100.0),
-        travel_max: Position::mm(100.0),
-        travel_margin: Position::mm(2.0),
-        velocity: Velocity::mm_per_s(200.0),
-        acceleration: Acceleration::m_per_s2(5.0),
-        current: Current::a(20.0),
-        following_error: Position::mm(1.0),
-        standstill: Velocity::mm_per_s(0.5),
     };
 
     #[test]
@@ -131,19 +114,12 @@ mod tests {
 
     #[test]
     fn a_jump_is_not_hidden_by_what_is_not_a_number() {
-        let moving_at = |mm_per_s: f64| {
-            let velocity = Velocity::mm_per_s(mm_per_s);
-            let sample = Sample { freshness: Freshness::Fresh, velocity, ..Sample::default() };
-            Observation { sample, ..Observation::default() }
-        };
         let broken = Answer { is_not_a_number: true, ..Answer::default() };
-        let judge = |mm_per_s: f64, mode: Mode| {
-            of_axis(&moving_at(mm_per_s), mode, &LIMITS, &broken, Some(Fault::Overspeed))
-        };
-        assert_eq!(judge(1_001.0, Mode::Moving), Some(Fault::EncoderJump));
-        assert_eq!(judge(999.0, Mode::Moving), Some(Fault::NotANumber));
-        assert_eq!(judge(1_001.0, Mode::Off), Some(Fault::EncoderJump));
-        assert_eq!(judge(999.0, Mode::Off), None);
+        let judge = |is_jump, mode| of_axis(mode, is_jump, &broken, Some(Fault::Overspeed));
+        assert_eq!(judge(true, Mode::Moving), Some(Fault::EncoderJump));
+        assert_eq!(judge(false, Mode::Moving), Some(Fault::NotANumber));
+        assert_eq!(judge(true, Mode::Off), Some(Fault::EncoderJump));
+        assert_eq!(judge(false, Mode::Off), None);
     }
 
     #[test]

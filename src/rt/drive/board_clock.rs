@@ -48,7 +48,7 @@ impl BoardClock {
         let off_us = i64::from(time_us.wrapping_sub(last_us).wrapping_sub(expected_us as u32) as i32);
         if off_us == 0 {
             Step::Periods(periods)
-        } else if off_us.abs() > self.slack_us(periods) {
+        } else if off_us.abs() > self.slack_us(periods) || off_us <= -expected_us {
             Step::Jump
         } else {
             Step::Time(Span::us(expected_us + off_us))
@@ -91,6 +91,9 @@ mod tests {
         assert_eq!(clock(1_000).latch(1_020, 1), Step::Time(Span::us(20)), "the first SYNC was late");
         assert_eq!(clock(1_000).latch(2_501, 1), Step::Jump);
         assert_eq!(clock(1_000).latch(12, 1), Step::Jump, "the board began again");
+        for time_us in [1_000, 999, 501] {
+            assert_eq!(clock(1_000).latch(time_us, 1), Step::Jump, "no clock stands or runs backwards");
+        }
         assert_eq!(clock(0).latch(500_000_400, 1_000_000), Step::Time(Span::us(500_000_400)), "drift");
     }
 

@@ -3,6 +3,7 @@
 //! Wrap-around, scale, velocity and freshness of one axis meet here.
 //! Invariant: an unusable frame changes counters and nothing else.
 
+use super::bend::Bend;
 use super::board_clock::{BoardClock, Step};
 use super::halves::{Doubt, Halves, Piece};
 use super::liveness::{Judgement, Liveness, periods_between};
@@ -14,6 +15,7 @@ use crate::base::input::Inputs;
 use crate::base::record::{Arrival, Arrivals};
 use crate::base::sample::{Freshness, RawFeedback, Sample};
 use crate::base::time::{Moment, Span};
+use crate::base::units::Acceleration;
 use crate::rt::bus::{Frame, Received};
 use crate::rt::wire::command::{CYCLIC_SYNCHRONOUS_TORQUE, RawCommand};
 use crate::rt::wire::feedback::BoardFlags;
@@ -31,7 +33,9 @@ pub(super) struct Link {
     motor: Odometer,
     table: Odometer,
     velocity: VelocityEstimator,
+    bend: Bend,
     clock: BoardClock,
+    period_s: f64,
     liveness: Liveness,
     command_sequence: u8,
     pub(super) observation: Observation,
@@ -47,7 +51,9 @@ impl Link {
             motor: Odometer::default(),
             table: Odometer::default(),
             velocity: VelocityEstimator::new(settings.velocity_estimate, period),
+            bend: Bend::new(settings.scale.motor_resolution()),
             clock: BoardClock::new(period),
+            period_s: period.as_s(),
             liveness: Liveness::default(),
             command_sequence: 0,
             observation: Observation::default(),
@@ -71,6 +77,7 @@ impl Link {
             Freshness::Never => Freshness::Never,
             Freshness::Fresh | Freshness::Stale => Freshness::Stale,
         };
+        self.observation.acceleration = Acceleration::ZERO;
         self.observation.events =
             Events { board_flags: self.observation.events.board_flags, ..Events::default() };
     }
@@ -174,6 +181,15 @@ impl Link {
         if step == Step::Jump {
             self.restarted();
         }
+        let since_s = match step {
+            Step::First | Step::Jump => {
+                self.bend.reset();
+                self.period_s
+            }
+            Step::Periods(periods) => self.period_s * f64::from(periods),
+            Step::Time(span) => span.as_s(),
+        };
+        self.observation.acceleration = self.bend.advance(position, since_s);
         Sample {
             raw,
             freshness: Freshness::Fresh,

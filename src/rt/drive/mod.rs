@@ -13,6 +13,7 @@
 //! Invariant: what stands in a [`Sample`] as fresh was latched by this cycle's SYNC. After
 //! commissioning nothing is allocated, and time comes as an argument.
 
+mod bend;
 mod board_clock;
 pub mod commission;
 mod halves;
@@ -39,6 +40,7 @@ use crate::base::input::{Input, Inputs, What};
 use crate::base::record::{Arrivals, BusRecord, BusState, LinkCounts, Refusal};
 use crate::base::sample::Sample;
 use crate::base::time::{Moment, Span};
+use crate::base::units::Acceleration;
 
 /// What the host must know of one drive.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -62,6 +64,8 @@ pub struct DriveSettings {
 pub struct Observation {
     /// What was measured; the last values if nothing fresh came.
     pub sample: Sample,
+    /// The least with which the motor comes to a fresh position from the two before it.
+    pub acceleration: Acceleration,
     /// How it came.
     pub arrivals: Arrivals,
     /// How the link fared.

@@ -162,6 +162,10 @@ impl AxisScale {
     pub const fn motor_position(&self, travel: TravelCounts) -> Position {
         Position::m(travel.0 as f64 * self.travel_per_count_m)
     }
+    /// Travel of the axis for one count of its motor encoder.
+    pub const fn motor_resolution(&self) -> Position {
+        Position::m(self.travel_per_count_m.abs())
+    }
     /// Travel of the table for a way of its scale; NaN without a table scale.
     pub const fn table_position(&self, travel: TravelCounts) -> Position {
         Position::m(match self.table_travel_per_count_m {
