@@ -6,8 +6,9 @@ use quadrant::base::time::{Moment, Span};
 use quadrant::offline::playback::{PlaybackError, Played, Timing};
 use quadrant::offline::traffic::Frames;
 use quadrant::rt::bus::lockstep::marker;
-use quadrant::rt::bus::{Frame, Received};
+use quadrant::rt::bus::{Frame, Id, Received};
 use quadrant::rt::wire::command::encode_sync;
+use quadrant::rt::wire::parameter::{Access, Object, encode_request};
 use quadrant::rt::wire::state::{Heartbeat, encode_heartbeat};
 
 use crate::common::{X, machine};
@@ -78,9 +79,28 @@ fn nothing_is_played_where_a_board_speaks() {
     let (mut playback, mut way) = (playback(&machine, &kept, Timing::AtOnce), Way::default());
     let node = machine.axes[X].node;
     let frame = encode_heartbeat(node, &Heartbeat::default());
+    let report = Frame::report(Id::from_low_bits(0x088), [0; 8]);
+    assert_eq!(playback.hear(&heard(report, Moment::ZERO), &mut way), Ok(()), "of the own controller");
     let refusal = playback.hear(&heard(frame, Moment::ZERO), &mut way);
     assert_eq!(refusal, Err(PlaybackError::Board { node }));
     assert!(way.0.is_empty());
+}
+
+/// A host that gave up while it asked is not the last.
+#[test]
+fn each_host_that_asks_is_told_the_heartbeats_of_before() {
+    let machine = machine("reference");
+    let (kept, _) = eventful("reference", 0);
+    let (mut playback, mut way) = (playback(&machine, &kept, Timing::AtOnce), Way::default());
+    let request = encode_request(machine.axes[X].node, Object::Vendor.address(), Access::Read);
+    for host in 0..2 {
+        way.0.clear();
+        for frame in [marker(0), request, request] {
+            playback.hear(&heard(frame, Moment::ZERO), &mut way).expect("there is no board");
+        }
+        let said: Vec<u16> = way.0.iter().map(|frame| frame.id().raw()).collect();
+        assert_eq!(said, [0x07E, 0x701, 0x702, 0x581, 0x581], "host {host}");
+    }
 }
 
 /// Frames that are due on the wall clock come as long after SYNC as they came in the log.

@@ -124,8 +124,10 @@ pub struct Playback<I> {
     timing: Timing,
     period_s: f64,
     boards: Vec<Board>,
-    /// Heartbeats from before the first cycle, until the host asks.
+    /// Heartbeats from before the first cycle.
     before: Vec<Frame>,
+    /// A host has asked, and so has heard them.
+    is_asked: bool,
     /// Of the last SYNC.
     awaited: Option<Awaited>,
     /// The recorded bus refused a command of that cycle.
@@ -151,6 +153,7 @@ impl<I: Iterator<Item = Result<RecordedCycle, LogError>>> Playback<I> {
             period_s: machine.cycle.period.as_s(),
             boards: boards.collect(),
             before: heartbeats_before(recorded.ahead()),
+            is_asked: false,
             recorded,
             awaited: None,
             was_refused: false,
@@ -188,13 +191,15 @@ impl<I: Iterator<Item = Result<RecordedCycle, LogError>>> Playback<I> {
     /// The host, or whoever is on the bus, sent this.
     pub fn hear(&mut self, received: &Received, bus: &mut impl Bus) -> Result<(), PlaybackError> {
         let frame = &received.frame;
-        if self.is_over {
+        // What our own controller reports is nobody's voice.
+        if self.is_over || frame.format() == Format::Report {
             return Ok(());
         }
         if let Some(number) = number_of(frame) {
             if number == BEGIN && self.has_begun() {
                 self.end_early("the host began a new session");
             } else {
+                self.is_asked &= number != BEGIN;
                 self.send(frame, bus);
             }
             return Ok(());
@@ -245,10 +250,8 @@ impl<I: Iterator<Item = Result<RecordedCycle, LogError>>> Playback<I> {
 
     /// Only the boards know parameters, and only the host asks.
     fn answer(&mut self, request: &Frame, bus: &mut impl Bus) {
-        for frame in std::mem::take(&mut self.before) {
-            self.send(&frame, bus);
-        }
-        let mut replies = Vec::new();
+        let mut replies = if self.is_asked { Vec::new() } else { self.before.clone() };
+        self.is_asked = true;
         for board in &mut self.boards {
             board.hear(request, Moment::ZERO);
             // A board tells its boot-up too, which belongs to its own run.
