@@ -206,15 +206,35 @@ fn what_a_text_lacks_is_counted_where_it_is_lacking() {
     assert_eq!(record.axes[common::Y].refusal, Refusal::Unknown);
     assert!(record.axes[common::Y].command.current.as_a().is_nan());
 
-    // Another run behind this one, a stranger's command, and what the listener says of itself.
+    // A stranger's commands and SYNCs, and what the listener says of itself.
     let stranger = whole[command].replace(" 202#", " 201#");
     let said = "DROPCOUNT: dropped 3 CAN frames on 'can0' socket (total drops 3)".to_owned();
+    let syncs: Vec<String> = whole.iter().filter(|line| line.contains(" 080#")).take(3).cloned().collect();
     let mut lines = [&whole[..=command], &[stranger, said], &whole[command + 1..]].concat();
-    lines.extend(whole.iter().filter(|line| line.contains(" 080#")).take(5).cloned());
+    for (place, sync) in syncs.iter().enumerate() {
+        lines.insert(sync_at(&lines, 500 + place as u32) + 1, sync.clone());
+    }
     let (told, after) = taken(&lines);
-    assert_eq!((told.syncs_aside, told.commands_aside, told.left_out.dropped), (5, 1, 3));
-    assert_eq!(told.left_out.times_back, 5);
+    assert_eq!((told.syncs_aside, told.commands_aside, told.left_out.dropped), (3, 1, 3));
+    assert_eq!((told.left_out.times_back, told.another_run_at_line), (3, None));
     assert_eq!((told.cycles, at(&after, 599).bus.dropped), (kept.len() as u64, 3));
+}
+
+/// The next run begins with its commissioning and the SYNC of cycle 0.
+#[test]
+fn an_import_ends_where_another_run_begins() {
+    let whole = quiet();
+    let (_, kept) = taken(&whole);
+    let lines = [&whole[..], &whole[..]].concat();
+    let (told, again) = taken(&lines);
+    let line = (whole.len() + sync_at(&whole, 0) + 1) as u64;
+    assert_eq!((told.another_run_at_line, told.is_whole()), (Some(line), false));
+    assert_eq!((told.cycles, again.len()), (kept.len() as u64, kept.len()));
+    // In lock step already with the marker that begins the session.
+    let session = [&["(1800000000.000000) can7 07E#00000000".to_owned()], &whole[..]].concat();
+    let (told, again) = taken(&[&session[..], &session[..]].concat());
+    assert_eq!(told.another_run_at_line, Some(session.len() as u64 + 1));
+    assert_eq!(again.len(), kept.len());
 }
 
 #[test]

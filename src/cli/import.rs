@@ -109,7 +109,7 @@ fn said(imported: &Imported, written: &WriteOutcome) -> Outcome {
         (imported.commands_missing, "commands are not in the text: not sent, or not seen"),
         (
             imported.syncs_aside,
-            "SYNCs go back or too far ahead, as those of another host or another run: they begin no cycle",
+            "SYNCs go back or too far ahead, as those of another host: they begin no cycle",
         ),
         (
             imported.commands_aside,
@@ -123,6 +123,9 @@ fn said(imported: &Imported, written: &WriteOutcome) -> Outcome {
         if count > 0 {
             eprintln!("warning: {count} {what}");
         }
+    }
+    if let Some(line) = imported.another_run_at_line {
+        eprintln!("warning: line {line}: another run begins, which is not in the log");
     }
     if let Some(damage) = &left_out.first_damage {
         eprintln!("warning: the first: {damage}");

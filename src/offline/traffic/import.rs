@@ -33,7 +33,7 @@ use crate::base::record::{CycleRecord, Refusal, Timing};
 use crate::base::time::{Moment, Span};
 use crate::candump::TextError;
 use crate::config::Machine;
-use crate::rt::bus::lockstep::number_of;
+use crate::rt::bus::lockstep::{BEGIN, number_of};
 use crate::rt::bus::{Bus, SendError};
 use crate::rt::door::Records;
 use crate::rt::drive::{Drives, Operational, SettingsError, checksum};
@@ -93,12 +93,14 @@ pub struct Imported {
     pub frames_before: u64,
     /// Commands of the host that are not in the text.
     pub commands_missing: u64,
-    /// SYNCs that go back or too far ahead: of another host, or of another run. They begin no cycle.
+    /// SYNCs that go back or too far ahead, as those of another host. They begin no cycle.
     pub syncs_aside: u64,
     /// Commands of another cycle, or a second one of the same: of another host.
     pub commands_aside: u64,
     /// Times that the commands' count of cycles did not go on.
     pub sequence_breaks: u64,
+    /// Where another run begins in the text, if one does: there the import ends.
+    pub another_run_at_line: Option<u64>,
     /// What is not in the log.
     #[serde(flatten)]
     pub left_out: LeftOut,
@@ -107,18 +109,18 @@ pub struct Imported {
 impl Imported {
     /// Whether the text told all of a run by one host.
     pub fn is_whole(&self) -> bool {
-        let LeftOut { damaged_lines, of_other_interfaces: _, of_other_kinds: _, dropped, times_back, .. } =
-            self.left_out;
-        [
+        let left_out = &self.left_out;
+        let lacks = [
             self.cycles_missing,
             self.commands_missing,
             self.syncs_aside,
             self.commands_aside,
             self.sequence_breaks,
-            damaged_lines,
-            dropped,
-            times_back,
-        ] == [0; 8]
+            left_out.damaged_lines,
+            left_out.dropped,
+            left_out.times_back,
+        ];
+        lacks.iter().all(|count| *count == 0) && self.another_run_at_line.is_none()
     }
 }
 
@@ -127,6 +129,14 @@ impl Imported {
 struct Begin {
     cycle: u64,
     at: Moment,
+}
+
+impl Begin {
+    /// The cycle of a SYNC behind it, if that can be of the same run.
+    fn next(self, number: u32) -> Option<u64> {
+        let ahead = number.wrapping_sub(self.cycle as u32);
+        (1..=JUMP_MAX).contains(&ahead).then(|| self.cycle + u64::from(ahead))
+    }
 }
 
 /// A text on its way into a log.
@@ -155,27 +165,22 @@ impl<R: Read> Import<R> {
     /// See [`ImportError`].
     pub fn begin(machine: &Machine, text: R, wanted: &Wanted) -> Result<Self, ImportError> {
         let mut source = Source::new(text, wanted);
-        // The whole first cycle: whether there are markers decides on its time.
-        let (mut seen, mut first, mut syncs) = (VecDeque::new(), None, 0);
-        while let Some(next) = source.next()? {
-            seen.push_back(next);
-            if is_sync(&next.frame) {
-                first.get_or_insert(seen.len() - 1);
-                syncs += 1;
-                if syncs == 2 {
-                    break;
-                }
+        let mut before = Vec::new();
+        let sync = loop {
+            match source.next()? {
+                Some(seen) if is_sync(&seen.frame) => break seen,
+                Some(seen) => before.push(seen),
+                None => return Err(ImportError::NoSync { frames: before.len() }),
             }
-        }
-        let Some(first) = first else { return Err(ImportError::NoSync { frames: seen.len() }) };
-        let is_lock_step = seen.iter().any(|seen| number_of(&seen.frame).is_some());
-        let behind = seen.split_off(first);
+        };
+        // Up to the next SYNC: whether there are markers decides on the time of the first cycle.
+        source.peek(is_sync)?;
+        let is_lock_step = before.iter().any(|seen| is_marker(&seen.frame)) || source.has_ahead(is_marker);
         let (period, axes) = (machine.cycle.period, machine.axes.count());
-        let sync = behind[0];
         let cycle = u64::from(number(&sync)?);
         let since_zero = period * cycle as i64;
         let wall_at_zero_ns = sync.wall_ns.saturating_sub(since_zero.as_ns());
-        let heard = seen.iter().map(|seen| Received {
+        let heard = before.iter().map(|seen| Received {
             frame: seen.frame,
             at: Moment::ns(seen.wall_ns.saturating_sub(wall_at_zero_ns)),
         });
@@ -184,10 +189,7 @@ impl<R: Read> Import<R> {
                 && matches!(Address::of(received.frame.id()), Some(Address::Heartbeat(_)))
         };
         let drives = machine.drives()?.resume(heard.filter(is_heartbeat));
-        let frames_before = seen.len() as u64;
-        let mut behind = behind;
-        behind.pop_front();
-        source.give_back(behind);
+        let frames_before = before.len() as u64;
         Ok(Self {
             source,
             frames: Frames::of(machine),
@@ -248,14 +250,16 @@ impl<R: Read> Import<R> {
         while let Some(seen) = self.source.next()? {
             let Seen { frame, .. } = seen;
             let at = self.moment(&seen, begin);
-            if self.is_lock_step && number_of(&frame).is_some() {
+            if self.is_another_run(&seen, begin)? {
+                self.imported.another_run_at_line = Some(seen.line);
+                break;
+            }
+            if self.is_lock_step && is_marker(&frame) {
                 continue;
             }
             self.imported.frames += 1;
             if is_sync(&frame) {
-                let ahead = number(&seen)?.wrapping_sub(begin.cycle as u32);
-                if (1..=JUMP_MAX).contains(&ahead) {
-                    let cycle = begin.cycle + u64::from(ahead);
+                if let Some(cycle) = begin.next(number(&seen)?) {
                     let at = if self.is_lock_step { Moment::ZERO + self.period * cycle as i64 } else { at };
                     self.next = Some(Begin { cycle, at });
                     break;
@@ -273,6 +277,19 @@ impl<R: Read> Import<R> {
             self.waiting.push_back(Received { frame, at });
         }
         Ok(commands)
+    }
+
+    /// A session begins with marker 0; a run with the SYNC of cycle 0, unless the one at hand goes on behind it:
+    /// then that was another host's.
+    fn is_another_run(&mut self, seen: &Seen, begin: Begin) -> Result<bool, ImportError> {
+        if self.is_lock_step && number_of(&seen.frame) == Some(BEGIN) {
+            return Ok(true);
+        }
+        if !is_sync(&seen.frame) || number(seen)? != 0 {
+            return Ok(false);
+        }
+        let behind = self.source.peek(is_sync)?.map(|next| number(&next)).transpose()?;
+        Ok(behind.is_none_or(|number| begin.next(number).is_none()))
     }
 
     fn moment(&self, seen: &Seen, begin: Begin) -> Moment {
@@ -327,6 +344,10 @@ impl<R: Read> Import<R> {
 /// Whether a frame is a SYNC; a report of the controller has no identifier.
 fn is_sync(frame: &Frame) -> bool {
     frame.format() != Format::Report && Address::of(frame.id()) == Some(Address::Sync)
+}
+
+fn is_marker(frame: &Frame) -> bool {
+    number_of(frame).is_some()
 }
 
 fn number(seen: &Seen) -> Result<u32, ImportError> {

@@ -88,9 +88,30 @@ impl<R: Read> Source<R> {
 
     /// The next frame; `None` at the end of the text.
     pub(super) fn next(&mut self) -> Result<Option<Seen>, ImportError> {
-        if let Some(seen) = self.ahead.pop_front() {
-            return Ok(Some(seen));
+        let ahead = self.ahead.pop_front();
+        if ahead.is_some() { Ok(ahead) } else { self.read() }
+    }
+
+    /// The next frame of a kind; all up to it are still to come.
+    pub(super) fn peek(&mut self, is_it: impl Fn(&Frame) -> bool) -> Result<Option<Seen>, ImportError> {
+        if let Some(seen) = self.ahead.iter().find(|seen| is_it(&seen.frame)) {
+            return Ok(Some(*seen));
         }
+        while let Some(seen) = self.read()? {
+            self.ahead.push_back(seen);
+            if is_it(&seen.frame) {
+                return Ok(Some(seen));
+            }
+        }
+        Ok(None)
+    }
+
+    /// Whether a frame of a kind has been read ahead.
+    pub(super) fn has_ahead(&self, is_it: impl Fn(&Frame) -> bool) -> bool {
+        self.ahead.iter().any(|seen| is_it(&seen.frame))
+    }
+
+    fn read(&mut self) -> Result<Option<Seen>, ImportError> {
         loop {
             let line = match self.lines.next_frame() {
                 Ok(Some(line)) => line,
@@ -114,10 +135,5 @@ impl<R: Read> Source<R> {
             }
             self.left_out.of_other_interfaces += 1;
         }
-    }
-
-    /// Gives frames back, to come again.
-    pub(super) fn give_back(&mut self, seen: VecDeque<Seen>) {
-        self.ahead = seen;
     }
 }
