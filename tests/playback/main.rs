@@ -7,6 +7,7 @@ mod common;
 mod edges;
 #[path = "../common/eventful.rs"]
 mod eventful;
+mod wall;
 
 use std::collections::VecDeque;
 use std::path::Path;

@@ -271,7 +271,8 @@ impl<I: Iterator<Item = Result<RecordedCycle, LogError>>> Playback<I> {
         let Some(recorded) = self.recorded.ahead().map(|cycle| cycle.record.cycle) else { return };
         if recorded as u32 != number {
             self.end_early(&format!(
-                "the host sent the SYNC of cycle {number}, in the log that of cycle {recorded} is next"
+                "the host sent the SYNC of cycle {number}, in the log that of cycle {recorded} is next: one of the two \
+                 skipped periods"
             ));
             return;
         }
