@@ -121,7 +121,9 @@ fn a_log_played_to_another_host_draws_the_recorded_commands() {
 fn nothing_is_played_beside_a_machine() {
     let Some(interface) = Interface::new() else { return };
     let folder = TempDir::new().unwrap();
-    let log = recorded(&interface, folder.path());
+    let [log, out] = ["run.mcap", "out"].map(|name| folder.path().join(name));
+    let words = ["circle", "--log", log.to_str().unwrap(), "--out", out.to_str().unwrap()];
+    assert!(quadrant(&[&words, &SMALL[..]].concat()).output().unwrap().status.success());
     let boards = playback(&interface, &log);
     let heartbeat = Command::new("cansend").args([&interface.name, "702#05000000"]).status();
     assert!(heartbeat.expect(crate::rig::CAN_UTILS).success());
