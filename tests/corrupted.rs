@@ -64,8 +64,9 @@ fn run(name: &str, is_moving: bool, id: u16, change: impl Fn(&mut Frame) + 'stat
     for _ in 0..600 {
         rig.step();
         course.fault = course.fault.or(rig.axis(X).fault);
-        course.positions_um.push(rig.line.wired.rack().sensed(X).as_um());
-        course.current_a = course.current_a.max(rig.line.wired.rack().current(X).as_a().abs());
+        let truth = rig.line.wired.rack().truths()[X];
+        course.positions_um.push(truth.position.as_um());
+        course.current_a = course.current_a.max(truth.current.as_a().abs());
     }
     let after = rig.axis(X).link;
     course.unusable =

@@ -7,6 +7,7 @@
 
 use super::cycle_at;
 use super::path::Path;
+use super::stage::Truth;
 use crate::base::axis::{AxisId, PerAxis};
 use crate::base::fault::Fault;
 use crate::base::record::{AxisRecord, CycleRecord, ModeTag};
@@ -15,8 +16,8 @@ use crate::base::time::Moment;
 use crate::base::units::{Current, Position, Velocity};
 use crate::config::Machine;
 use crate::rt::drive::state::DriveState;
-use crate::sim::rack::Rack;
 use crate::sim::script::Script;
+use crate::sim::truth::AxisTruth;
 
 /// Cycles between two looks at the distance from the path.
 const LOOK_EVERY: u64 = 4;
@@ -32,42 +33,6 @@ pub enum Ending {
     Refused(String),
     /// It came to no end in its time.
     Unfinished,
-}
-
-/// What an axis really does.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct AxisTruth {
-    /// Where a perfect encoder has its motor.
-    pub position: Position,
-    /// Of the motor.
-    pub motor_velocity: Velocity,
-    /// Of the table.
-    pub table_velocity: Velocity,
-    /// What its drive gives.
-    pub current: Current,
-}
-
-impl AxisTruth {
-    /// Of a simulated axis.
-    pub fn of(rack: &Rack, axis: AxisId) -> Self {
-        let state = rack.state(axis);
-        Self {
-            position: rack.sensed(axis),
-            motor_velocity: state.motor_velocity,
-            table_velocity: state.table_velocity,
-            current: rack.current(axis),
-        }
-    }
-
-    /// Neither motor nor table moves faster than this.
-    fn is_slower_than(&self, standstill: Velocity) -> bool {
-        self.motor_velocity.abs() <= standstill && self.table_velocity.abs() <= standstill
-    }
-
-    /// No current, and as good as no motion.
-    pub(super) fn is_still(&self, standstill: Velocity) -> bool {
-        self.current == Current::ZERO && self.is_slower_than(standstill)
-    }
 }
 
 /// What was seen of a run.
@@ -152,12 +117,11 @@ impl Witness {
         }
     }
 
-    /// A cycle has been run; `truth` tells of each axis what it did at the SYNC of this cycle.
-    pub fn see(&mut self, record: &CycleRecord, truth: Option<&dyn Fn(AxisId) -> AxisTruth>) {
+    /// A cycle has been run; `truths` are what each axis did at the SYNC of this cycle.
+    pub fn see(&mut self, record: &CycleRecord, truths: &Truth) {
         let cycle = record.cycle;
         self.evidence.cycles += 1;
         self.last = cycle;
-        let truths = truth.map(|truth| record.axes.map(|axis, _| truth(axis)));
         for (axis, row) in record.axes.iter() {
             self.see_axis(axis, row, truths.as_ref().map(|truths| &truths[axis]), cycle);
         }
@@ -231,7 +195,7 @@ fn is_energised(row: &AxisRecord) -> bool {
 }
 
 /// Whether the drive last said that it gives current.
-fn is_enabled(row: &AxisRecord) -> bool {
+pub(super) fn is_enabled(row: &AxisRecord) -> bool {
     DriveState::decode(row.sample.raw.status_word) == Some(DriveState::OperationEnabled)
 }
 
