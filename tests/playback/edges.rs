@@ -2,6 +2,7 @@
 
 use quadrant::base::input::{Input, What};
 use quadrant::base::record::Timing as Clock;
+use quadrant::base::sample::Freshness;
 use quadrant::base::time::{Moment, Span};
 use quadrant::offline::playback::{PlaybackError, Played, Timing};
 use quadrant::offline::traffic::Frames;
@@ -84,6 +85,22 @@ fn nothing_is_played_where_a_board_speaks() {
     let refusal = playback.hear(&heard(frame, Moment::ZERO), &mut way);
     assert_eq!(refusal, Err(PlaybackError::Board { node }));
     assert!(way.0.is_empty());
+}
+
+#[test]
+fn an_answer_that_only_a_late_host_met_is_not_played_in_lock_step() {
+    let machine = machine("reference");
+    let (mut kept, _) = eventful("reference", 0);
+    kept.truncate(400);
+    let (record, inputs) = &mut kept[150];
+    let answer = Frames::of(&machine).received(record, &[])[0].frame;
+    let at = record.timing.scheduled + machine.cycle.reply_window + Span::ns(1);
+    record.axes[X].sample.freshness = Freshness::Stale;
+    inputs.push(Input { cycle: record.cycle, what: What::Frame { place: 9, received: heard(answer, at) } });
+    let (played, _) = played(&machine, &machine, &kept);
+    assert_eq!((played.cycles, played.difference), (150, None));
+    let why = played.ended_early.expect("it ended early");
+    assert!(why.contains("met an answer from behind the reply window"), "{why}");
 }
 
 /// A host that gave up while it asked is not the last.

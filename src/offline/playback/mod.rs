@@ -16,7 +16,8 @@
 //! log of the wall clock come as long after SYNC as they came then; frames of virtual time come at once.
 //!
 //! What happened to the recorded host alone cannot be played: periods it skipped, frames its interface refused,
-//! its own controller off the bus. There it ends, and says so.
+//! its own controller off the bus; and in lock step, where nothing is late, an answer from behind the window that
+//! it met in its own cycle, because it was late as well. There it ends, and says so.
 //! Invariant: no clock is read here; nothing is sent on a bus on which a board is heard.
 
 mod commands;
@@ -123,6 +124,7 @@ pub struct Playback<I> {
     frames: Frames,
     timing: Timing,
     period_s: f64,
+    reply_window: Span,
     boards: Vec<Board>,
     /// Heartbeats from before the first cycle.
     before: Vec<Frame>,
@@ -151,6 +153,7 @@ impl<I: Iterator<Item = Result<RecordedCycle, LogError>>> Playback<I> {
             frames: Frames::of(machine),
             timing,
             period_s: machine.cycle.period.as_s(),
+            reply_window: machine.cycle.reply_window,
             boards: boards.collect(),
             before: heartbeats_before(recorded.ahead()),
             is_asked: false,
@@ -281,7 +284,7 @@ impl<I: Iterator<Item = Result<RecordedCycle, LogError>>> Playback<I> {
             self.end_where_the_log_does();
             return;
         };
-        if let Some(why) = unplayable(&cycle.record) {
+        if let Some(why) = unplayable(&cycle.record).or_else(|| self.untimely(&cycle)) {
             self.end_early(why);
             return;
         }
@@ -290,6 +293,21 @@ impl<I: Iterator<Item = Result<RecordedCycle, LogError>>> Playback<I> {
         self.was_refused = cycle.record.axes.as_slice().iter().any(is_refused);
         self.schedule(&cycle, at);
         self.speak(at, bus);
+    }
+
+    /// What only a host can meet that is late.
+    fn untimely(&self, cycle: &RecordedCycle) -> Option<&'static str> {
+        let RecordedCycle { record, inputs } = cycle;
+        let until = record.timing.scheduled + self.reply_window;
+        let is_feedback = |frame: &Frame| {
+            matches!(Address::of(frame.id()), Some(Address::Feedback(_) | Address::FeedbackTable(_)))
+        };
+        let mut received = self.frames.received(record, inputs).into_iter();
+        let is_late = self.timing == Timing::AtOnce
+            && received.any(|received| received.at > until && is_feedback(&received.frame));
+        is_late.then_some(
+            "the recorded host met an answer from behind the reply window, and in lock step none is late",
+        )
     }
 
     /// Every command of the cycle must have come.
