@@ -80,6 +80,13 @@ pub enum TextError {
     },
 }
 
+impl TextError {
+    /// Whether it is one line that is wrong, so that the next may be right.
+    pub const fn is_of_line(&self) -> bool {
+        !matches!(self, Self::Unreadable { .. })
+    }
+}
+
 /// Reads a text line by line.
 #[derive(Debug)]
 pub struct Lines<R> {

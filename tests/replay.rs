@@ -54,26 +54,26 @@ fn whatever_happened_comes_out_again_bit_for_bit(#[values("reference", "classic"
     assert!(moved >= 30 && faulted >= 15 && told > 5_000, "{moved} moved, {faulted} faulted, {told} inputs");
 }
 
-#[test]
-fn a_changed_input_is_found_in_its_cycle() {
-    let (mut kept, _) = eventful("reference", 0);
+#[rstest]
+fn a_changed_input_is_found_in_its_cycle(#[values("reference", "classic")] name: &str) {
+    let (mut kept, _) = eventful(name, 0);
     let at = kept.iter().position(|(record, _)| record.axes[X].mode == ModeTag::Moving).expect("it moves");
     let cycle = kept[at + 7].0.cycle;
     // The record tells of another encoder reading, but not of another position.
     kept[at + 7].0.axes[X].sample.raw.motor_counts ^= 4;
-    assert_eq!(first_difference("reference", &kept), Some((cycle, "x.sample_position_m".to_owned())));
+    assert_eq!(first_difference(name, &kept), Some((cycle, "x.sample_position_m".to_owned())));
 }
 
-#[test]
-fn a_missing_order_is_found_where_it_acts() {
-    let (mut kept, _) = eventful("reference", 0);
+#[rstest]
+fn a_missing_order_is_found_where_it_acts(#[values("reference", "classic")] name: &str) {
+    let (mut kept, _) = eventful(name, 0);
     let at = kept
         .iter()
         .position(|(_, inputs)| inputs.iter().any(|input| matches!(input.what, What::Order(Order::Enable))))
         .expect("an order to enable");
     let cycle = kept[at].0.cycle;
     kept[at].1.clear();
-    let (found, field) = first_difference("reference", &kept).expect("the axes are not enabled");
+    let (found, field) = first_difference(name, &kept).expect("the axes are not enabled");
     assert_eq!((found, field.as_str()), (cycle, "x.control_word"));
 }
 

@@ -28,12 +28,14 @@ pub enum ModeTag {
     Stopping = 4,
     /// Stopped by a fault; no current.
     Faulted = 5,
+    /// Not told: what was imported from the traffic of a bus knows no modes.
+    Unknown = 6,
 }
 
 impl ModeTag {
     /// Every mode, in order of the numbers.
-    pub const ALL: [Self; 6] =
-        [Self::Off, Self::Enabling, Self::Ready, Self::Moving, Self::Stopping, Self::Faulted];
+    pub const ALL: [Self; 7] =
+        [Self::Off, Self::Enabling, Self::Ready, Self::Moving, Self::Stopping, Self::Faulted, Self::Unknown];
 
     /// Name in logs and on the terminal.
     pub const fn name(self) -> &'static str {
@@ -44,6 +46,7 @@ impl ModeTag {
             Self::Moving => "moving",
             Self::Stopping => "stopping",
             Self::Faulted => "faulted",
+            Self::Unknown => "unknown",
         }
     }
     /// From a log.
@@ -131,6 +134,8 @@ pub enum Refusal {
     Full = 1,
     /// The bus is down.
     Down = 2,
+    /// Not told: in the imported traffic of a bus the frame is missing.
+    Unknown = 3,
 }
 
 /// State of the host's own CAN controller (ISO 11898-1).

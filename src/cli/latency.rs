@@ -18,6 +18,7 @@ use crate::base::record::CycleRecord;
 use crate::base::time::Span;
 use crate::config::Machine;
 use crate::log::Reader;
+use crate::log::header::IMPORTED;
 use crate::log::timing::{Share, Timings};
 use crate::offline::draw::latency::{bars, sheet};
 use crate::rt::cycle::pace::{Wall, monotonic_now};
@@ -138,6 +139,12 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
 
 fn of_log(path: &Path) -> anyhow::Result<Seen> {
     let mut log = Reader::open(path)?;
+    if log.header().extra.contains_key(IMPORTED) {
+        anyhow::bail!(
+            "{}: imported from a text of candump, in which nobody says when a cycle woke",
+            path.display()
+        );
+    }
     let (period, mut timings, mut overruns) = (log.header().period, Timings::default(), 0);
     for record in &mut log {
         let record = record?;

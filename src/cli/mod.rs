@@ -7,6 +7,7 @@
 mod check;
 mod circle;
 mod hil;
+mod import;
 mod latency;
 mod log;
 mod playback;
@@ -41,6 +42,8 @@ enum Verb {
     Check(check::Arguments),
     /// Summarise, export or recover a log
     Log(log::Arguments),
+    /// Make a log of the traffic of a bus, from a text of candump
+    Import(import::Arguments),
     /// Put the simulated machine through scenarios of faults, and judge what the controller makes of them
     Hil(hil::Arguments),
     /// Show where the time of the periods went, in a log or measured here and now
@@ -95,6 +98,7 @@ pub fn main() -> ExitCode {
         Verb::Circle(arguments) => circle::run(&arguments),
         Verb::Check(arguments) => check::run(&arguments),
         Verb::Log(arguments) => log::run(&arguments),
+        Verb::Import(arguments) => import::run(&arguments),
         Verb::Hil(arguments) => hil::run(&arguments),
         Verb::Latency(arguments) => latency::run(&arguments),
         Verb::Replay(arguments) => replay::run(&arguments),

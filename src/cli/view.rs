@@ -2,6 +2,7 @@
 
 use comfy_table::{CellAlignment, Table, presets};
 
+use crate::log::header::IMPORTED;
 use crate::log::timing::Share;
 use crate::log::{Header, Summary};
 use crate::offline::check::{MachineReport, Row};
@@ -20,6 +21,11 @@ fn table(heads: &[&str]) -> Table {
 
 fn um(value: f64) -> String {
     format!("{value:.2}")
+}
+
+/// A number that may not be one.
+fn known(value: f64, decimals: usize) -> String {
+    if value.is_nan() { "not known".to_owned() } else { format!("{value:.decimals$}") }
 }
 
 /// Percentiles of the shares of a period.
@@ -106,15 +112,20 @@ pub(super) fn log_table(started: &str, header: &Header, summary: &Summary) -> St
     fact("program", format!("{} ({})", header.project_version, header.commit));
     fact("started", started.to_owned());
     fact("pace, seed", format!("{}, {}", header.pace.name(), header.seed));
+    if let Some(note) = header.extra.get(IMPORTED) {
+        fact("imported", note.clone());
+    }
     fact("duration", format!("{:.3} s", summary.duration_s));
     fact("cycles", format!("{} of {} us", summary.cycles, header.period.as_us()));
     fact("missing cycles", format!("{} in {} gaps", summary.cycles_missing, summary.gaps));
     fact("lost records", summary.lost_records.to_string());
     fact("overruns", summary.overruns.to_string());
-    fact(
-        "wake-up error",
-        format!("99 %: {:.1} us, max {:.1} us", summary.wake_error_us_p99, summary.wake_error_us_max),
-    );
+    let wake_error = if header.extra.contains_key(IMPORTED) {
+        "not known".to_owned()
+    } else {
+        format!("99 %: {:.1} us, max {:.1} us", summary.wake_error_us_p99, summary.wake_error_us_max)
+    };
+    fact("wake-up error", wake_error);
     for (number, motion) in &header.motions {
         fact(&format!("motion {number}"), motion.to_string());
     }
@@ -124,7 +135,7 @@ pub(super) fn log_table(started: &str, header: &Header, summary: &Summary) -> St
             axis.cycles_by_mode.iter().map(|(mode, cycles)| format!("{mode} {cycles}")).collect();
         axes.add_row([
             axis.name.clone(),
-            format!("{:.1}", axis.following_error_um_max),
+            known(axis.following_error_um_max, 1),
             format!("{:.2}", axis.current_a_max),
             modes.join(", "),
         ]);

@@ -23,6 +23,8 @@ use super::schema;
 pub(super) const METADATA: &str = "quadrant";
 /// Name of the attachment that is the machine file.
 pub const MACHINE_ATTACHMENT: &str = "machine.toml";
+/// Name of the extra that says of a log that it was imported, and what is not known of its run.
+pub const IMPORTED: &str = "imported";
 /// Before the name of a key that the caller added.
 const EXTRA: &str = "extra.";
 /// Before the name of a board sheet.
@@ -276,7 +278,7 @@ pub(super) mod tests {
         keys.insert("format_version".to_owned(), (schema::VERSION + 1).to_string());
         keys.insert(CHECKSUM.to_owned(), checksum(&keys));
         let message = read(&keys).unwrap_err().to_string();
-        assert_eq!(message, "run.mcap: log format version 4, this program reads version 3 only");
+        assert_eq!(message, "run.mcap: log format version 5, this program reads version 4 only");
     }
 
     #[test]

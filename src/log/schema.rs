@@ -18,7 +18,7 @@ use crate::base::units::{Acceleration, Current, Position, Torque, Velocity};
 use super::cdr::{Decoder, Sink, Wire};
 
 /// Version of the log format: of the tables in this file and of the header's keys.
-pub const VERSION: u32 = 3;
+pub const VERSION: u32 = 4;
 /// Where the cycles are.
 pub const TOPIC: &str = "/cycle";
 /// Name of their schema.
@@ -98,7 +98,8 @@ fn bus_state_from_number(number: u8) -> Option<BusState> {
 }
 
 fn refusal_from_number(number: u8) -> Option<Refusal> {
-    [Refusal::None, Refusal::Full, Refusal::Down].into_iter().find(|known| *known as u8 == number)
+    use Refusal::{Down, Full, None, Unknown};
+    [None, Full, Down, Unknown].into_iter().find(|known| *known as u8 == number)
 }
 
 /// A message that no record of this version encodes to.
@@ -167,7 +168,7 @@ table!(CycleRecord as CYCLE_FIELDS, put_cycle, take_cycle {
     motion: u32 ["-"] = stage.motion, "number of the motion in this run, see the header; 0 before the first";
     is_measured: bool ["-"] = stage.is_measured, "1 in the evaluated part of the motion";
     bus_state: u8 ["-"] = bus.state, "own controller: 0 error active, 1 error warning, 2 error passive, 3 bus-off";
-    sync_refusal: u8 ["-"] = bus.sync, "what became of SYNC: 0 taken, 1 no room, 2 bus down";
+    sync_refusal: u8 ["-"] = bus.sync, "what became of SYNC: 0 taken, 1 no room, 2 bus down, 3 not known";
     sent_crc: u32 ["-"] = bus.sent_crc, "CRC-32 over identifier and payload of each frame given to the bus";
     bus_reports: u32 ["-"] = bus.reports, "reports of the own controller since start";
     foreign_frames: u32 ["-"] = bus.foreign, "frames since start that belong to no axis or that only a host sends";
@@ -209,15 +210,15 @@ table!(AxisRecord as AXIS_FIELDS, put_axis, take_axis {
     raw_answers_cycle: u16 ["-"] = sample.raw.answers_cycle, "low 16 bits of the number of the SYNC answered";
     raw_status_word: u16 ["-"] = sample.raw.status_word, "CiA 402 status word (object 6041h)";
     control_word: u16 ["-"] = command.control_word, "CiA 402 control word (object 6040h)";
-    command_refusal: u8 ["-"] = refusal, "what became of the command: 0 taken, 1 no room, 2 bus down";
+    command_refusal: u8 ["-"] = refusal, "what became of the command: 0 taken, 1 no room, 2 bus down, 3 not known";
     raw_sequence: u8 ["-"] = sample.raw.sequence, "counts feedback frames, wraps at 256";
     raw_board_flags: u8 ["-"] = sample.raw.board_flags, "flags of the board";
     motor_place: u8 ["-"] = arrivals.motor.place, "how many frames that cycle had received before it; classic CAN: before its frame of the motor";
     table_place: u8 ["-"] = arrivals.table.place, "the same; classic CAN: before its frame of the table";
     freshness: u8 ["-"] = sample.freshness, "0 never heard, 1 fresh, 2 stale";
-    mode: u8 ["-"] = mode, "0 off, 1 enabling, 2 ready, 3 moving, 4 stopping, 5 faulted";
-    fault: u8 ["-"] = fault, "number of the fault, 0 none; see docs/faults";
-    gain_set: u8 ["-"] = gain_set, "which gain set acts, by its place in the machine file";
+    mode: u8 ["-"] = mode, "0 off, 1 enabling, 2 ready, 3 moving, 4 stopping, 5 faulted, 6 not known";
+    fault: u8 ["-"] = fault, "number of the fault, 0 none, or not known with the mode; see docs/faults";
+    gain_set: u8 ["-"] = gain_set, "which gain set acts, by its place in the machine file; 255 not known";
     limits: u8 ["-"] = command.limits, "bits: 1 travel, 2 velocity, 4 acceleration, 8 current, 16 drive";
 });
 

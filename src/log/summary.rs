@@ -45,7 +45,7 @@ pub struct Summary {
 pub struct AxisSummary {
     /// Its name.
     pub name: String,
-    /// Largest distance from the setpoint, in micrometres.
+    /// Largest distance from the setpoint, in micrometres; NaN where no setpoint is known.
     pub following_error_um_max: f64,
     /// Largest measured current, in amperes.
     pub current_a_max: f64,
@@ -96,8 +96,11 @@ struct Tally {
 
 impl Tally {
     fn new(header: &Header) -> Self {
-        let axes =
-            header.axes.iter().map(|name| AxisSummary { name: name.clone(), ..AxisSummary::default() });
+        let axes = header.axes.iter().map(|name| AxisSummary {
+            name: name.clone(),
+            following_error_um_max: f64::NAN,
+            ..AxisSummary::default()
+        });
         let summary = Summary {
             duration_s: 0.0,
             cycles: 0,

@@ -18,6 +18,7 @@ use crate::base::input::{Input, What};
 use crate::base::record::{CycleRecord, Refusal};
 use crate::base::time::Moment;
 use crate::config::{self, Machine};
+use crate::log::header::IMPORTED;
 use crate::log::{LogError, Reader, schema};
 use crate::offline::recorded::{CyclesOf, Recorded, RecordedCycle, StartError};
 use crate::offline::traffic::Frames;
@@ -35,6 +36,12 @@ pub enum ReplayError {
     /// Its machine file, as it carries it, is not right any more.
     #[error("the machine file in the log: {0}")]
     Machine(#[from] Box<config::problem::FileProblems>),
+    /// Nobody recorded what the host was ordered.
+    #[error("the log was imported {note}; nor is what the host was ordered, so there is nothing to replay")]
+    Imported {
+        /// From what, and what is not known.
+        note: String,
+    },
     /// Its machine cannot be set up.
     #[error("the machine file in the log: {0}")]
     Drives(#[from] crate::rt::drive::SettingsError),
@@ -70,6 +77,9 @@ pub struct Difference {
 /// number of cycles now and then.
 pub fn replay<R: Read + Seek>(log: &mut Reader<R>, progress: impl FnMut(u64)) -> Result<Replay, ReplayError> {
     let header = log.header().clone();
+    if let Some(note) = header.extra.get(IMPORTED) {
+        return Err(ReplayError::Imported { note: note.clone() });
+    }
     let machine = config::from_texts("machine.toml", &header.machine_text, &header.sheets)?;
     replay_cycles(&machine, CyclesOf(log), progress)
 }
@@ -177,7 +187,8 @@ impl RecordedBus {
 
 const fn outcome(refusal: Refusal) -> Result<(), SendError> {
     match refusal {
-        Refusal::None => Ok(()),
+        // Of an imported command only its absence is known.
+        Refusal::None | Refusal::Unknown => Ok(()),
         Refusal::Full => Err(SendError::Full),
         Refusal::Down => Err(SendError::Down),
     }

@@ -67,7 +67,7 @@ fn any_bus() -> impl Strategy<Value = BusRecord> {
 }
 
 fn any_refusal() -> impl Strategy<Value = Refusal> {
-    prop::sample::select(vec![Refusal::None, Refusal::Full, Refusal::Down])
+    prop::sample::select(vec![Refusal::None, Refusal::Full, Refusal::Down, Refusal::Unknown])
 }
 
 fn any_link() -> impl Strategy<Value = (Arrivals, LinkCounts)> {

@@ -1,5 +1,5 @@
 //! Two processes on an interface: the boards of a log, and the tool that is to command them as it did then. And
-//! what `candump` writes of it.
+//! what `candump` writes of it as a log.
 
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
@@ -121,11 +121,71 @@ fn a_log_played_to_another_host_draws_the_recorded_commands() {
 fn nothing_is_played_beside_a_machine() {
     let Some(interface) = Interface::new() else { return };
     let folder = TempDir::new().unwrap();
-    let log = recorded(&interface, folder.path());
+    let [log, out] = ["run.mcap", "out"].map(|name| folder.path().join(name));
+    let words = ["circle", "--log", log.to_str().unwrap(), "--out", out.to_str().unwrap()];
+    assert!(quadrant(&[&words, &SMALL[..]].concat()).output().unwrap().status.success());
     let boards = playback(&interface, &log);
     let heartbeat = Command::new("cansend").args([&interface.name, "702#05000000"]).status();
     assert!(heartbeat.expect(crate::rig::CAN_UTILS).success());
     let (code, _, said) = boards.end();
     assert_eq!(code, Some(2), "{said}");
     assert!(said.contains("a board speaks on this bus, node 2"), "{said}");
+}
+
+/// The columns of a log that a listener knows too.
+#[track_caller]
+fn known(log: &Path) -> Vec<Vec<String>> {
+    let output = quadrant(&["log", log.to_str().unwrap(), "--csv", "-"]).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let mut reader = csv::Reader::from_reader(output.stdout.as_slice());
+    let names = reader.headers().unwrap().clone();
+    let is_known = |name: &str| {
+        ["cycle", "scheduled_ns", "woke_ns", "overruns", "sent_crc"].contains(&name)
+            || ["sample_", "raw_", "freshness", "age_", "fresh_", "missed_", "heartbeats", "control_word"]
+                .iter()
+                .any(|part| name.split_once('.').is_some_and(|(_, field)| field.starts_with(part)))
+    };
+    let places: Vec<usize> = (0..names.len()).filter(|place| is_known(&names[*place])).collect();
+    assert!(places.len() > 35, "{} columns", places.len());
+    reader
+        .records()
+        .map(|line| places.iter().map(|place| line.as_ref().unwrap()[*place].to_owned()).collect())
+        .collect()
+}
+
+#[test]
+fn what_candump_wrote_of_a_run_becomes_a_log_with_its_samples_and_commands() {
+    let Some(interface) = Interface::new() else { return };
+    let folder = TempDir::new().unwrap();
+    let (dump, again) = (folder.path().join("run.log"), folder.path().join("again.mcap"));
+    let file = std::fs::File::create(&dump).unwrap();
+    // A buffer for all of it: a listener that loses frames says so, and is no witness.
+    let candump =
+        Command::new("candump").args(["-L", "-d", "-r", "8388608", &interface.name]).stdout(file).spawn();
+    let mut candump = candump.expect(crate::rig::CAN_UTILS);
+    // It says nothing when it is ready.
+    std::thread::sleep(std::time::Duration::from_millis(300));
+    let log = recorded(&interface, folder.path());
+    std::thread::sleep(std::time::Duration::from_millis(300));
+    let ended = Command::new("kill").args(["-INT", &candump.id().to_string()]).status().unwrap();
+    assert!(ended.success());
+    candump.wait().unwrap();
+
+    let import = [
+        "import",
+        dump.to_str().unwrap(),
+        "--machine",
+        "reference",
+        "--log",
+        again.to_str().unwrap(),
+        "--json",
+    ];
+    let output = quadrant(&import).output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{said}");
+    let told: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!((&told["interface"], &told["pace"]), (&interface.name.as_str().into(), &"virtual".into()));
+    let (own, listened) = (known(&log), known(&again));
+    assert_eq!((own.len() as u64, &told["cycles_missing"]), (told["cycles"].as_u64().unwrap(), &0.into()));
+    own.iter().zip(&listened).for_each(|(own, listened)| assert_eq!(own, listened));
 }

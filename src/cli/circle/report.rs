@@ -14,7 +14,7 @@ use crate::base::units::{Position, Velocity};
 use crate::cli::{Outcome, print_json, print_text, view};
 use crate::config::plan::CircleRequest;
 use crate::config::{self, EMBEDDED, Machine};
-use crate::log::header::rfc3339;
+use crate::log::header::{IMPORTED, rfc3339};
 use crate::log::{Header, Reader, WriteOutcome};
 use crate::offline::circle::protrusion::QuadrantHeights;
 use crate::offline::circle::{self, CircularTest, Run, paper};
@@ -102,6 +102,9 @@ pub(super) fn of_recording(
 pub(super) fn of_log(log: &Path, folder: Option<&Path>, as_json: bool) -> anyhow::Result<Outcome> {
     let mut reader = Reader::open(log)?;
     let header = reader.header().clone();
+    if let Some(note) = header.extra.get(IMPORTED) {
+        anyhow::bail!("{}: imported {note}; there is no circle to measure against", log.display());
+    }
     let mut damage = None;
     let records = std::iter::from_fn(|| match reader.next()? {
         Ok(record) => Some(record),

@@ -16,7 +16,8 @@
 //! log of the wall clock come as long after SYNC as they came then; frames of virtual time come at once.
 //!
 //! What happened to the recorded host alone cannot be played: periods it skipped, frames its interface refused,
-//! its own controller off the bus. There it ends, and says so.
+//! its own controller off the bus; and in lock step, where nothing is late, an answer from behind the window that
+//! it met in its own cycle, because it was late as well. There it ends, and says so.
 //! Invariant: no clock is read here; nothing is sent on a bus on which a board is heard.
 
 mod commands;
@@ -32,7 +33,7 @@ use super::recorded::{Recorded, RecordedCycle, StartError};
 use super::traffic::Frames;
 use crate::base::frame::{Format, Frame, Received};
 use crate::base::input::What;
-use crate::base::record::{BusState, CycleRecord, Refusal};
+use crate::base::record::{AxisRecord, BusState, CycleRecord, Refusal};
 use crate::base::time::{Moment, Span};
 use crate::config::Machine;
 use crate::log::LogError;
@@ -123,9 +124,12 @@ pub struct Playback<I> {
     frames: Frames,
     timing: Timing,
     period_s: f64,
+    reply_window: Span,
     boards: Vec<Board>,
-    /// Heartbeats from before the first cycle, until the host asks.
+    /// Heartbeats from before the first cycle.
     before: Vec<Frame>,
+    /// A host has asked, and so has heard them.
+    is_asked: bool,
     /// Of the last SYNC.
     awaited: Option<Awaited>,
     /// The recorded bus refused a command of that cycle.
@@ -149,8 +153,10 @@ impl<I: Iterator<Item = Result<RecordedCycle, LogError>>> Playback<I> {
             frames: Frames::of(machine),
             timing,
             period_s: machine.cycle.period.as_s(),
+            reply_window: machine.cycle.reply_window,
             boards: boards.collect(),
             before: heartbeats_before(recorded.ahead()),
+            is_asked: false,
             recorded,
             awaited: None,
             was_refused: false,
@@ -188,13 +194,15 @@ impl<I: Iterator<Item = Result<RecordedCycle, LogError>>> Playback<I> {
     /// The host, or whoever is on the bus, sent this.
     pub fn hear(&mut self, received: &Received, bus: &mut impl Bus) -> Result<(), PlaybackError> {
         let frame = &received.frame;
-        if self.is_over {
+        // What our own controller reports is nobody's voice.
+        if self.is_over || frame.format() == Format::Report {
             return Ok(());
         }
         if let Some(number) = number_of(frame) {
             if number == BEGIN && self.has_begun() {
                 self.end_early("the host began a new session");
             } else {
+                self.is_asked &= number != BEGIN;
                 self.send(frame, bus);
             }
             return Ok(());
@@ -245,10 +253,8 @@ impl<I: Iterator<Item = Result<RecordedCycle, LogError>>> Playback<I> {
 
     /// Only the boards know parameters, and only the host asks.
     fn answer(&mut self, request: &Frame, bus: &mut impl Bus) {
-        for frame in std::mem::take(&mut self.before) {
-            self.send(&frame, bus);
-        }
-        let mut replies = Vec::new();
+        let mut replies = if self.is_asked { Vec::new() } else { self.before.clone() };
+        self.is_asked = true;
         for board in &mut self.boards {
             board.hear(request, Moment::ZERO);
             // A board tells its boot-up too, which belongs to its own run.
@@ -268,7 +274,8 @@ impl<I: Iterator<Item = Result<RecordedCycle, LogError>>> Playback<I> {
         let Some(recorded) = self.recorded.ahead().map(|cycle| cycle.record.cycle) else { return };
         if recorded as u32 != number {
             self.end_early(&format!(
-                "the host sent the SYNC of cycle {number}, in the log that of cycle {recorded} is next"
+                "the host sent the SYNC of cycle {number}, in the log that of cycle {recorded} is next: one of the two \
+                 skipped periods"
             ));
             return;
         }
@@ -277,14 +284,30 @@ impl<I: Iterator<Item = Result<RecordedCycle, LogError>>> Playback<I> {
             self.end_where_the_log_does();
             return;
         };
-        if let Some(why) = unplayable(&cycle.record) {
+        if let Some(why) = unplayable(&cycle.record).or_else(|| self.untimely(&cycle)) {
             self.end_early(why);
             return;
         }
         self.awaited = Some(Awaited::of(&self.frames, &cycle.record));
-        self.was_refused = cycle.record.commands() != Refusal::None;
+        let is_refused = |row: &AxisRecord| matches!(row.refusal, Refusal::Full | Refusal::Down);
+        self.was_refused = cycle.record.axes.as_slice().iter().any(is_refused);
         self.schedule(&cycle, at);
         self.speak(at, bus);
+    }
+
+    /// What only a host can meet that is late.
+    fn untimely(&self, cycle: &RecordedCycle) -> Option<&'static str> {
+        let RecordedCycle { record, inputs } = cycle;
+        let until = record.timing.scheduled + self.reply_window;
+        let is_feedback = |frame: &Frame| {
+            matches!(Address::of(frame.id()), Some(Address::Feedback(_) | Address::FeedbackTable(_)))
+        };
+        let mut received = self.frames.received(record, inputs).into_iter();
+        let is_late = self.timing == Timing::AtOnce
+            && received.any(|received| received.at > until && is_feedback(&received.frame));
+        is_late.then_some(
+            "the recorded host met an answer from behind the reply window, and in lock step none is late",
+        )
     }
 
     /// Every command of the cycle must have come.
@@ -362,7 +385,7 @@ fn heartbeats_before(first: Option<&RecordedCycle>) -> Vec<Frame> {
 
 /// What nobody at the other end of a bus can do to a host.
 fn unplayable(record: &CycleRecord) -> Option<&'static str> {
-    if record.bus.sync != Refusal::None {
+    if matches!(record.bus.sync, Refusal::Full | Refusal::Down) {
         return Some("the recorded bus refused a SYNC, of which the host here is not told");
     }
     (record.bus.state == BusState::BusOff)

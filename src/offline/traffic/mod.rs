@@ -9,10 +9,14 @@
 //! decided, as `rt/drive` built them then.
 //! Invariant: a frame that the host received or that the bus took from it comes out as it was, in its place.
 
+mod count;
 pub mod export;
+pub mod import;
+mod source;
+mod unknown;
 
 use crate::base::axis::{AxisId, PerAxis};
-use crate::base::frame::{Frame, Received};
+use crate::base::frame::{Format, Frame, Received};
 use crate::base::input::{Input, What};
 use crate::base::record::{Arrival, CycleRecord, Refusal};
 use crate::base::sample::Freshness;
@@ -80,9 +84,18 @@ impl Frames {
         self.layout.decode_command(frame)
     }
 
+    /// Whether a command belongs to a cycle; on classic CAN it names the low byte alone.
+    pub fn is_of_cycle(&self, raw: &RawCommand, cycle: u64) -> bool {
+        match self.layout {
+            Layout::Fd => raw.cycle == cycle as u16,
+            Layout::Classic => raw.cycle == u16::from(cycle as u8),
+        }
+    }
+
     /// The axis that a command is for; `None` for any other frame.
     pub fn axis_commanded(&self, frame: &Frame) -> Option<AxisId> {
-        let Some(Address::Command(to)) = Address::of(frame.id()) else { return None };
+        let address = Address::of(frame.id()).filter(|_| frame.format() != Format::Report);
+        let Some(Address::Command(to)) = address else { return None };
         self.nodes.iter().find(|(_, node)| **node == to).map(|(axis, _)| axis)
     }
 }

@@ -276,8 +276,8 @@ enum Taken {
     Aside,
 }
 
-/// CRC-32 over identifiers and payloads, carried on.
-fn checksum(so_far: u32, frames: &[Frame]) -> u32 {
+/// CRC-32 over identifiers and payloads, carried on: what the record tells of the frames sent.
+pub fn checksum(so_far: u32, frames: &[Frame]) -> u32 {
     let mut hasher = crc32fast::Hasher::new_with_initial(so_far);
     for frame in frames {
         hasher.update(&frame.id().raw().to_le_bytes());
