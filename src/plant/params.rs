@@ -59,6 +59,10 @@ impl Mechanics {
     pub fn torque_for_force(&self, force: Force) -> Torque {
         Torque::nm(force.as_n() / self.force_per_torque())
     }
+    /// Force on the table that a torque balances.
+    pub fn force_of_torque(&self, torque: Torque) -> Force {
+        Force::n(torque.as_nm() * self.force_per_torque())
+    }
     /// Torque that accelerates motor, screw and table together.
     pub fn torque_for_acceleration(&self, acceleration: Acceleration) -> Torque {
         Torque::nm(self.total_inertia_kg_m2() * acceleration.as_m_per_s2() / self.travel_per_rad_m())
