@@ -73,6 +73,8 @@ struct Commanded {
     /// Waits for the next SYNC, if the sheet says so.
     waiting: Option<RawCommand>,
     current: CurrentCounts,
+    /// Cycle of the command that acts.
+    cycle: Option<u16>,
     control_word: u16,
     is_saturated: bool,
     /// Of the last command heard.
@@ -156,6 +158,10 @@ impl Board {
             | DriveState::FaultReactionActive
             | DriveState::Fault => CurrentCounts::ZERO,
         }
+    }
+    /// Low half of the cycle of the command that acts; `None` before the first.
+    pub const fn acting_command(&self) -> Option<u16> {
+        self.command.cycle
     }
     /// State of the drive.
     pub const fn drive(&self) -> DriveState {
@@ -251,6 +257,7 @@ impl Board {
 
     fn apply(&mut self, raw: RawCommand, now: Moment) {
         self.watchdog.fed = now;
+        self.command.cycle = Some(raw.cycle);
         self.command.current = raw.current.clamp_abs(self.peak_current());
         self.command.is_saturated = raw.current != self.command.current;
         self.step_drive(raw.control_word);

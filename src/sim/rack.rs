@@ -99,6 +99,11 @@ impl Rack {
         self.axes[axis.index()].sensed()
     }
 
+    /// Low half of the cycle of the command that acts on an axis; `None` before the first.
+    pub fn acting_command(&self, axis: AxisId) -> Option<u16> {
+        self.axes[axis.index()].board.acting_command()
+    }
+
     /// Current that the drive of an axis gives now.
     pub fn current(&self, axis: AxisId) -> Current {
         self.axes[axis.index()].current()

@@ -14,6 +14,7 @@ use crate::base::sample::Freshness;
 use crate::base::time::Moment;
 use crate::base::units::{Current, Position, Velocity};
 use crate::config::Machine;
+use crate::rt::drive::sheet::CommandApplies;
 use crate::rt::drive::state::DriveState;
 use crate::sim::rack::Rack;
 use crate::sim::script::Script;
@@ -45,6 +46,8 @@ pub struct AxisTruth {
     pub table_velocity: Velocity,
     /// What its drive gives.
     pub current: Current,
+    /// Low half of the cycle of the command that acts on it.
+    pub acting_command: Option<u16>,
 }
 
 impl AxisTruth {
@@ -56,6 +59,7 @@ impl AxisTruth {
             motor_velocity: state.motor_velocity,
             table_velocity: state.table_velocity,
             current: rack.current(axis),
+            acting_command: rack.acting_command(axis),
         }
     }
 
@@ -91,6 +95,9 @@ pub struct Evidence {
     pub position_error: Option<Position>,
     /// Largest distance from the path after the first scripted fault; `None` without the truth.
     pub path_error: Option<Position>,
+    /// Cycles in which a drive gave current by a command that another should have followed by then, of the axis
+    /// with the most of them; `None` without the truth.
+    pub old_command_cycles: Option<u64>,
     /// Oldest sample under which an axis was under control, in cycles.
     pub age_cycles: u32,
     /// Highest protrusion of a circle, um, where it was asked for.
@@ -114,6 +121,9 @@ impl Evidence {
 #[derive(Debug)]
 pub struct Witness {
     standstill: PerAxis<Velocity>,
+    /// Cycles from a command to the one in which it acts.
+    command_delay: PerAxis<u16>,
+    old_command_cycles: PerAxis<u64>,
     struck: u64,
     path: Path,
     /// The last cycles with current, with motion, and with an axis under control.
@@ -130,6 +140,10 @@ impl Witness {
         let first = script.faults.iter().map(|fault| fault.at).min().unwrap_or_default();
         Self {
             standstill: machine.axes.map(|_, axis| axis.control.limits.standstill),
+            command_delay: machine
+                .axes
+                .map(|_, axis| u16::from(axis.sheet.command_applies == CommandApplies::OnNextSync)),
+            old_command_cycles: PerAxis::filled(machine.axes.count(), 0),
             struck: cycle_at(machine, Moment::ZERO + first),
             path: Path::default(),
             last_current: PerAxis::filled(machine.axes.count(), None),
@@ -146,6 +160,7 @@ impl Witness {
                 stop_after: None,
                 position_error: None,
                 path_error: None,
+                old_command_cycles: None,
                 age_cycles: 0,
                 protrusion_um: None,
             },
@@ -184,6 +199,13 @@ impl Witness {
             Some(truth) => truth.current != Current::ZERO,
             None => is_enabled(row) && row.command.current != Current::ZERO,
         };
+        if let Some(truth) = truth.filter(|_| cycle >= self.struck) {
+            let age = truth.acting_command.map_or(0, |acting| (cycle as u16).wrapping_sub(acting));
+            let is_old = truth.current != Current::ZERO && age > self.command_delay[axis];
+            self.old_command_cycles[axis] += u64::from(is_old);
+            let most = self.evidence.old_command_cycles.unwrap_or(0).max(self.old_command_cycles[axis]);
+            self.evidence.old_command_cycles = Some(most);
+        }
         let moves = match truth {
             Some(truth) => !truth.is_slower_than(self.standstill[axis]),
             None => is_fresh && row.sample.velocity.abs() > self.standstill[axis],
