@@ -13,6 +13,7 @@
 mod course;
 mod judge;
 mod path;
+pub mod survey;
 mod witness;
 
 pub use course::{CYCLES_AFTER_MAX, Course};

@@ -65,6 +65,21 @@ pub struct Settings {
     pub gain_set_count: u8,
 }
 
+impl Settings {
+    /// Acceleration above which a motion is none of this axis: its encoder jumped.
+    pub fn acceleration_bound(&self) -> Acceleration {
+        self.axis.motor_acceleration_max() * ACCELERATION_FACTOR
+    }
+
+    /// Largest jump between two ticks that may pass for a motion: all that the bound allows, against all that
+    /// the motor does meanwhile.
+    pub fn unseen_jump(&self) -> Position {
+        let acceleration = self.acceleration_bound() + self.axis.motor_acceleration_max();
+        let tick_s = self.tick.as_s();
+        Position::m(acceleration.as_m_per_s2() * tick_s * tick_s)
+    }
+}
+
 /// What the loops answer.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Answer {
@@ -124,7 +139,7 @@ impl AxisLoop {
             gain_set: 0,
             rad_per_m: 1.0 / settings.axis.mechanics.travel_per_rad_m(),
             torque_bound: settings.axis.actuator.torque(settings.limits.current),
-            acceleration_bound: settings.axis.motor_acceleration_max() * ACCELERATION_FACTOR,
+            acceleration_bound: settings.acceleration_bound(),
         }
     }
 
