@@ -14,7 +14,7 @@ const PAGE: &str = include_str!("../docs/fault-outcomes.md");
 const SEED: u64 = 1;
 const MOMENTS: usize = 20;
 /// One row of so many is run again.
-const EVERY: usize = 8;
+const EVERY: usize = 7;
 
 fn survey(moments: usize) -> Survey {
     Survey::plan(&config::load("reference").unwrap(), SEED, moments).unwrap()
