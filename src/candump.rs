@@ -9,7 +9,7 @@
 //! Read is all that candump can write: times in ns (`-N`), names of interfaces made equally long, directions
 //! (`-x`), counts of dropped frames (`-d`). Frames that are none of ours (29-bit identifiers, remote frames,
 //! CAN XL) are counted and passed over. Anything else is refused with its line.
-//! Invariant: what [`write`] writes is read as it was, but for the time, which is cut to microseconds.
+//! Invariant: what [`write()`] writes is read as it was, but for the time, which is cut to microseconds.
 
 use std::io::{self, BufRead, BufReader, Read, Write};
 

@@ -93,6 +93,16 @@ fn a_log_is_judged_like_the_run_it_came_from() {
 }
 
 #[test]
+fn a_circle_of_a_degree_per_period_is_whole() {
+    let folder = TempDir::new().unwrap();
+    let small = ["--radius-mm", "1", "--feed-mm-per-min", "2000", "--json", "--out", text(folder.path())];
+    let (json, said, code) = run(&[&["circle"][..], &small].concat());
+    assert_eq!(code, 0, "{said}");
+    let protrusion_um = json.unwrap()["protrusion_um"]["motor"]["max"].as_f64().unwrap();
+    assert!((1.0..20.0).contains(&protrusion_um), "{protrusion_um} um");
+}
+
+#[test]
 fn the_same_seed_gives_the_same_records_and_another_does_not() {
     let export = |seed: &str| {
         let folder = TempDir::new().unwrap();
@@ -255,8 +265,9 @@ fn patient_machine(folder: &Path) -> PathBuf {
     let read = |file: &str| fs::read_to_string(Path::new("firmware-config").join(file)).unwrap();
     let sheet = read("encoder-board.toml").replace("value = 20_000", "value = 500_000");
     fs::write(folder.join("encoder-board.toml"), sheet).unwrap();
-    let machine =
-        read("machines/reference.toml").replace("overrun-misses-max = 60 ", "overrun-misses-max = 60000");
+    let machine = read("machines/reference.toml")
+        .replace("pause-cycles-max = 8 ", "pause-cycles-max = 900")
+        .replace("overrun-misses-max = 60 ", "overrun-misses-max = 60000");
     let path = folder.join("patient.toml");
     fs::write(&path, machine).unwrap();
     path

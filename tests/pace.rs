@@ -120,11 +120,14 @@ fn axes_at_rest_stand_occasional_misses() {
     let last = &records[records.len() - 1];
     // A pause of more than three periods runs the slot that has begun and skips at least two.
     assert!(last.overruns >= 6, "{} periods missed in 3 pauses of 2 or more", last.overruns);
+    let longest = records.windows(2).map(|pair| pair[1].overruns - pair[0].overruns).max().unwrap_or(0);
     for (axis, row) in last.axes.iter() {
-        // 60 misses are borne; only a machine that adds its own can make more of them here.
+        // 60 misses are borne, 8 at once; only a machine that adds its own can make more of them here.
         let is_right = match row.fault {
             None => row.mode == ModeTag::Ready,
-            Some(fault) => last.overruns > 60 && matches!(fault, Fault::Overrun | Fault::OtherAxis),
+            Some(fault) => {
+                (last.overruns > 60 || longest > 8) && matches!(fault, Fault::Overrun | Fault::OtherAxis)
+            }
         };
         assert!(is_right, "axis {axis}, {} overruns: {:?}, {:?}", last.overruns, row.mode, row.fault);
         let moved_um = row.sample.position.as_um();

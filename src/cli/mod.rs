@@ -9,11 +9,14 @@ mod circle;
 mod hil;
 mod latency;
 mod log;
+mod playback;
 mod replay;
 mod view;
 
 use std::io::{ErrorKind, IsTerminal, Write};
 use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 use anyhow::Context;
 use clap::{Parser, Subcommand};
@@ -44,7 +47,8 @@ enum Verb {
     Hil(hil::Arguments),
     /// Show where the time of the periods went, in a log or measured here and now
     Latency(latency::Arguments),
-    /// Run the recorded inputs of a log through today's code: the same must come out, bit for bit
+    /// Run the recorded inputs of a log through today's code, or play its boards to a live host on a bus: the
+    /// same must come out, bit for bit
     Replay(replay::Arguments),
 }
 
@@ -102,6 +106,17 @@ fn complaint(error: &anyhow::Error) -> String {
 /// The machine of `--machine`.
 fn machine(name_or_path: &str) -> anyhow::Result<Machine> {
     Ok(config::load(name_or_path)?)
+}
+
+/// A wish to stop that a signal sets.
+fn stop_wish() -> std::io::Result<Arc<AtomicBool>> {
+    let stop_wish = Arc::new(AtomicBool::new(false));
+    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
+        // The second one ends the program at once.
+        signal_hook::flag::register_conditional_shutdown(signal, 130, Arc::clone(&stop_wish))?;
+        signal_hook::flag::register(signal, Arc::clone(&stop_wish))?;
+    }
+    Ok(stop_wish)
 }
 
 /// Print a text. A closed pipe (`| head`) is no error of ours; a full disk is.

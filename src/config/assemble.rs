@@ -23,6 +23,7 @@ impl Machine {
             stale_cycles_max: self.supervision.stale_cycles_max,
             heartbeat_timeout: self.supervision.heartbeat_timeout,
             patience: self.supervision.patience,
+            pause_cycles_max: self.supervision.pause_cycles_max,
             overruns: self.supervision.overruns,
             losses: self.supervision.losses,
             stop_acceleration: self.motion.path_acceleration,

@@ -79,6 +79,8 @@ pub struct Supervision {
     pub heartbeat_timeout: Span,
     /// How long enabling and stopping may take.
     pub patience: Patience,
+    /// Periods skipped at once that are borne.
+    pub pause_cycles_max: u32,
     /// How many missed periods are borne.
     pub overruns: BucketLimit,
     /// How much missed feedback and how many unusable frames of a board are borne.

@@ -91,6 +91,7 @@ fn supervision(section: Section<'_>) -> Supervision {
             enabling: Span::ms(section.whole("enable-timeout-ms", 10..=60_000, "ms")),
             stopping: Span::ms(section.whole("stop-timeout-ms", 10..=60_000, "ms")),
         },
+        pause_cycles_max: section.whole("pause-cycles-max", 0..=1_000_000, "cycles") as u32,
         overruns: BucketLimit {
             misses_max: section.whole("overrun-misses-max", 0..=1_000_000, "") as u32,
             drain_cycles: section.whole("overrun-drain-cycles", 1..=1_000_000, "cycles") as u32,

@@ -32,6 +32,7 @@ pub(super) fn check(root: &Section<'_>, machine: &Machine) {
         let key = |key: &str| format!("axis.{name}.{key}");
         let section = AxisRules { root, machine, axis, key: &key };
         section.board();
+        section.pause();
         section.mechanics();
         section.limits();
         section.shared();
@@ -139,6 +140,27 @@ impl AxisRules<'_, '_> {
         }
     }
 
+    /// The host must see its own pause before the board does, while it still can stop under control.
+    fn pause(&self) {
+        let (supervision, period) = (&self.machine.supervision, self.machine.cycle.period);
+        let watchdog = self.axis.sheet.watchdog();
+        // The command after a pause is sent up to a period into its slot.
+        let longest = watchdog.as_ns() / period.as_ns() - 2;
+        if i64::from(supervision.pause_cycles_max) > longest {
+            let title = format!(
+                "{} cycles; the watchdog of {} trips after {} us",
+                supervision.pause_cycles_max,
+                (self.key)("board.sheet"),
+                watchdog.as_us()
+            );
+            let label = match longest {
+                0.. => format!("allowed is 0 to {longest} cycles of {} us", period.as_us()),
+                _ => format!("no period of {} us is short enough for that watchdog", period.as_us()),
+            };
+            self.broken("supervision.pause-cycles-max", &["cycle.period-us", "board.sheet"], title, label);
+        }
+    }
+
     fn mechanics(&self) {
         let friction = &self.axis.plant.friction;
         if friction.sliding > friction.breakaway {
@@ -180,7 +202,8 @@ impl AxisRules<'_, '_> {
     /// A speed that is still taken for motion must not carry an encoder half way around its counter
     /// between two samples that may be borne apart.
     fn counts(&self) {
-        let periods = f64::from(self.machine.supervision.stale_cycles_max) + 1.0;
+        let supervision = &self.machine.supervision;
+        let periods = f64::from(supervision.stale_cycles_max.max(supervision.pause_cycles_max)) + 1.0;
         let between_s = periods * self.machine.cycle.period.as_s();
         let (sheet, lead_mm) = (&self.axis.sheet, self.axis.plant.mechanics.lead_m * 1e3);
         let motor_per_mm = f64::from(sheet.motor_counts_per_rev) / lead_mm;
@@ -203,6 +226,7 @@ impl AxisRules<'_, '_> {
                     "mechanics.lead-mm",
                     "cycle.period-us",
                     "supervision.stale-cycles-max",
+                    "supervision.pause-cycles-max",
                     "board.sheet",
                 ];
                 self.broken("limits.velocity-mm-per-s", &others, title, label);

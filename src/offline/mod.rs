@@ -3,7 +3,8 @@
 //! Order of the work: records become a [`trace`], the trace of a circular path is judged by
 //! [`circle`], [`draw`] makes the pictures and [`report`] puts numbers and pictures on one page.
 //!
-//! Any log goes through today's cycle again in [`replay`]; [`traffic`] turns logs into frames and back.
+//! Any log goes through today's cycle again in [`replay`], or its boards speak to a live host again in
+//! [`playback`]; [`traffic`] turns logs into frames and back.
 //!
 //! What a machine file implies before anything runs is in [`check`], from the figures of its
 //! [`loops`] ([`margins`]).
@@ -16,6 +17,8 @@ pub mod draw;
 pub mod hil;
 pub mod loops;
 pub mod margins;
+pub mod playback;
+pub mod recorded;
 pub mod replay;
 pub mod report;
 pub mod trace;

@@ -19,6 +19,7 @@ use crate::base::record::{CycleRecord, Refusal};
 use crate::base::time::Moment;
 use crate::config::{self, Machine};
 use crate::log::{LogError, Reader, schema};
+use crate::offline::recorded::{CyclesOf, Recorded, RecordedCycle, StartError};
 use crate::offline::traffic::Frames;
 use crate::rt::bus::{Bus, Frame, Received, SendError};
 use crate::rt::cycle::Cycle;
@@ -28,24 +29,15 @@ use crate::rt::door::{Order, Orders};
 /// Why a log cannot be replayed.
 #[derive(Debug, thiserror::Error)]
 pub enum ReplayError {
-    /// It cannot be read.
+    /// There is nothing to go by.
     #[error(transparent)]
-    Log(#[from] LogError),
+    Start(#[from] StartError),
     /// Its machine file, as it carries it, is not right any more.
     #[error("the machine file in the log: {0}")]
     Machine(#[from] Box<config::problem::FileProblems>),
     /// Its machine cannot be set up.
     #[error("the machine file in the log: {0}")]
     Drives(#[from] crate::rt::drive::SettingsError),
-    /// It holds no cycle.
-    #[error("the log holds no cycle")]
-    Empty,
-    /// It begins in the middle of its run, so the state it began with is not known.
-    #[error("the log begins with cycle {first} of its run: what was before is missing, so is the state")]
-    Headless {
-        /// Number of its first cycle.
-        first: u64,
-    },
 }
 
 /// What came of a replay.
@@ -74,40 +66,28 @@ pub struct Difference {
     pub replayed: String,
 }
 
-/// Replays `log` until its end, the first difference, or a gap. `progress` is told the number of cycles
-/// now and then.
-pub fn replay<R: Read + Seek>(
-    log: &mut Reader<R>,
-    mut progress: impl FnMut(u64),
-) -> Result<Replay, ReplayError> {
+/// Replays `log` until its end, the first difference, or where something is missing. `progress` is told the
+/// number of cycles now and then.
+pub fn replay<R: Read + Seek>(log: &mut Reader<R>, progress: impl FnMut(u64)) -> Result<Replay, ReplayError> {
     let header = log.header().clone();
     let machine = config::from_texts("machine.toml", &header.machine_text, &header.sheets)?;
-    let period_s = header.period.as_s();
+    replay_cycles(&machine, CyclesOf(log), progress)
+}
+
+/// Replays the cycles of a run of `machine`.
+pub fn replay_cycles(
+    machine: &Machine,
+    cycles: impl Iterator<Item = Result<RecordedCycle, LogError>>,
+    mut progress: impl FnMut(u64),
+) -> Result<Replay, ReplayError> {
+    let (period_s, axes) = (machine.cycle.period.as_s(), machine.axis_names());
+    let mut recorded = Recorded::new(cycles)?;
+    let mut replayer = Replayer::new(machine, recorded.ahead().map_or(&[], |first| &first.inputs))?;
     let mut outcome = Replay { cycles: 0, machine_s: 0.0, difference: None, ended_early: None };
-    let Some(first) = log.next().transpose()? else { return Err(ReplayError::Empty) };
-    if first.cycle != first.overruns {
-        return Err(ReplayError::Headless { first: first.cycle });
-    }
-    let inputs = log.inputs_until(&first).to_vec();
-    let mut replayer = Replayer::new(&machine, &inputs)?;
-    let (mut recorded, mut inputs) = (first, inputs);
-    loop {
-        // What a cycle lost is counted in the next record.
-        let next = log.next().transpose()?;
-        outcome.ended_early = next.and_then(|next| lost_inputs(&recorded, &next));
-        if outcome.ended_early.is_some() {
-            return Ok(outcome);
-        }
-        let replayed = replayer.run(&recorded, &inputs);
-        if let Some((field, recorded_text, replayed_text)) =
-            schema::difference(&recorded, &replayed, &header.axes)
-        {
-            outcome.difference = Some(Difference {
-                cycle: recorded.cycle,
-                field,
-                recorded: recorded_text,
-                replayed: replayed_text,
-            });
+    for RecordedCycle { record, inputs } in recorded.by_ref() {
+        let replayed = replayer.run(&record, &inputs);
+        if let Some((field, recorded, replayed)) = schema::difference(&record, &replayed, &axes) {
+            outcome.difference = Some(Difference { cycle: record.cycle, field, recorded, replayed });
             return Ok(outcome);
         }
         outcome.cycles += 1;
@@ -115,32 +95,9 @@ pub fn replay<R: Read + Seek>(
         if outcome.cycles.is_multiple_of(4_096) {
             progress(outcome.cycles);
         }
-        let Some(next) = next else { return Ok(outcome) };
-        outcome.ended_early = gap(&recorded, &next);
-        if outcome.ended_early.is_some() {
-            return Ok(outcome);
-        }
-        recorded = next;
-        inputs.clear();
-        inputs.extend_from_slice(log.inputs_until(&recorded));
     }
-}
-
-/// Whether a cycle lost some of what it was told, by the next record's account.
-fn lost_inputs(record: &CycleRecord, next: &CycleRecord) -> Option<String> {
-    let lost = next.lost_records.saturating_sub(record.lost_records);
-    let absent = next.cycle.saturating_sub(record.cycle).saturating_sub(1);
-    let skipped = next.overruns.saturating_sub(record.overruns);
-    (absent == skipped && lost > 0).then(|| format!("{lost} inputs of cycle {} were lost", record.cycle))
-}
-
-/// What is missing between two records, if anything is.
-fn gap(before: &CycleRecord, next: &CycleRecord) -> Option<String> {
-    let absent = next.cycle.saturating_sub(before.cycle).saturating_sub(1);
-    let skipped = next.overruns.saturating_sub(before.overruns);
-    (absent != skipped).then(|| {
-        format!("{} records are missing after cycle {}", absent.saturating_sub(skipped), before.cycle)
-    })
+    outcome.ended_early = recorded.ended_early().map(str::to_owned);
+    Ok(outcome)
 }
 
 /// The cycle of today between a recorded bus and recorded orders.

@@ -1,6 +1,6 @@
 //! A script: what goes wrong with the simulated machine, and when.
 //!
-//! A rack plays it at its end of the bus ([`player`]), so it is the same whether the host sits in the same
+//! A rack plays it at its end of the bus (`player`), so it is the same whether the host sits in the same
 //! process or behind a real bus. Times count from the first SYNC.
 //! Invariant: a script is data; with its seed and the same frames it plays the same to the bit.
 

@@ -84,10 +84,10 @@ fn each_bad_machine_file_is_told_what_is_wrong_where() {
 
 #[test]
 fn a_fast_axis_is_fine_as_long_as_its_encoder_cannot_wrap_unseen() {
-    // 2^30 counts/mm and three periods of 0.5 ms: five times 266.67 mm/s pass half of 2^32 counts.
-    let text = changed(REFERENCE, "counts-per-mm = 100000", "counts-per-mm = 1_073_741_824");
-    let text = changed(&text, "velocity-mm-per-s = 250.0", "velocity-mm-per-s = 266.6");
-    assert!(config::from_texts("fine.toml", &text, &Default::default()).is_ok(), "266.6 mm/s are told apart");
+    // 2^28 counts/mm and nine periods of 0.5 ms: five times 355.56 mm/s pass half of 2^32 counts.
+    let text = changed(REFERENCE, "counts-per-mm = 100000", "counts-per-mm = 268_435_456");
+    let text = changed(&text, "velocity-mm-per-s = 250.0", "velocity-mm-per-s = 355.5");
+    assert!(config::from_texts("fine.toml", &text, &Default::default()).is_ok(), "355.5 mm/s are told apart");
 }
 
 #[test]
@@ -172,22 +172,22 @@ fn a_problem_is_shown_at_its_place() {
     ");
     insta::assert_snapshot!(shown("lead-mm = 10.0", "lead-m = 0.01"), @r"
     error: axis.x.mechanics.lead-mm: missing, wanted is a number from 0.1 to 200 mm
-      --> mill.toml:64:9
+      --> mill.toml:65:9
        |
-    64 | [axis.x.mechanics]
+    65 | [axis.x.mechanics]
        |         ^^^^^^^^^ `lead-mm` belongs in here
 
     error: axis.x.mechanics.lead-m: unknown key
-      --> mill.toml:69:1
+      --> mill.toml:70:1
        |
-    69 | lead-m = 0.01
+    70 | lead-m = 0.01
        | ^^^^^^ is `lead-mm` meant?
     ");
     insta::assert_snapshot!(shown("current-a = 20.0", "current-a = 25.1"), @r"
     error: axis.x.limits.current-a: 25.1 A is above the drive's peak current
-       --> mill.toml:108:13
+       --> mill.toml:109:13
         |
-    108 | current-a = 25.1
+    109 | current-a = 25.1
         |             ^^^^ allowed is 0.01 to 25 A
     ");
     insta::assert_snapshot!(shown("[bus]", "[bus"), @r"

@@ -301,6 +301,25 @@ pub(crate) fn scenarios() -> Vec<Scenario> {
         },
         Scenario {
             fault: Fault::Overrun,
+            name: "9 periods missed at once",
+            break_it: |rig| rig.skip(9),
+            cycles_max: RAMP_CYCLES_MAX,
+            way_mm_max: RAMP_WAY_MM_MAX + 0.5,
+            ..GENTLE
+        },
+        Scenario {
+            fault: Fault::Overrun,
+            name: "as many periods missed at once as the board's watchdog lets through",
+            break_it: |rig| {
+                let watchdog = rig.machine.axes[X].sheet.watchdog();
+                rig.skip((watchdog.as_ns() / rig.machine.cycle.period.as_ns()) as u64 - 2);
+            },
+            cycles_max: RAMP_CYCLES_MAX,
+            way_mm_max: RAMP_WAY_MM_MAX + 2.0,
+            ..GENTLE
+        },
+        Scenario {
+            fault: Fault::Overrun,
             name: "63 periods missed",
             break_it: |rig| {
                 // Three at a time, so that feedback comes in between.

@@ -46,7 +46,7 @@ fn events() -> impl Strategy<Value = Vec<(Event, u64)>> {
     let event = prop_oneof![
         6 => (0_u8..8, odd, feed).prop_map(|(kind, place, feed)| Event::Order(kind, place, feed)),
         1 => (0_u8..6, any::<bool>()).prop_map(|(kind, on)| Event::Fail(kind, on)),
-        1 => (1_u64..4).prop_map(Event::Skip),
+        1 => (1_u64..12).prop_map(Event::Skip),
     ];
     prop::collection::vec((event, 1_u64..400), 1..24)
 }

@@ -1,10 +1,18 @@
 //! What is made of a log: a table, a summary, and the same numbers in Python.
 
+use std::fmt::Write as _;
 use std::fs::File;
 use std::path::Path;
 use std::process::Command;
+use std::sync::Arc;
 
-use quadrant::log::{Reader, Summary, csv};
+use quadrant::base::axis::PerAxis;
+use quadrant::base::frame::{Frame, Id, Received};
+use quadrant::base::input::{Input, What};
+use quadrant::base::order::{LineMotion, Order};
+use quadrant::base::time::{Moment, Span};
+use quadrant::base::units::{Acceleration, Position, Velocity};
+use quadrant::log::{Reader, Summary, Writer, csv};
 
 use crate::example::{folder, header, record, write};
 
@@ -58,11 +66,49 @@ fn python_reads_the_same_numbers() {
     }
     let folder = folder();
     let (log, table) = (folder.path().join("run.mcap"), folder.path().join("run.csv"));
-    write(&log, 2, 1500);
+    let told = folder.path().join("told.csv");
+    std::fs::write(&told, write_with_inputs(&log, 1500)).unwrap();
     csv::export(&mut Reader::open(&log).unwrap(), File::create(&table).unwrap(), &table).unwrap();
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/read_log.py");
-    let outcome = Command::new("python3").arg(script).args([&log, &table]).output().unwrap();
+    let outcome = Command::new("python3").arg(script).args([&log, &table, &told]).output().unwrap();
     let said = String::from_utf8_lossy(&outcome.stdout).into_owned();
     assert!(outcome.status.success(), "{said}{}", String::from_utf8_lossy(&outcome.stderr));
-    assert!(said.contains("1500 messages"), "{said}");
+    assert!(said.contains("1500 cycles") && said.contains("30 inputs"), "{said}");
+}
+
+/// A log of that many cycles, every fiftieth told a frame or an order; what they were told, as a table.
+fn write_with_inputs(path: &Path, cycles: u64) -> String {
+    let (mut records, written) = rtrb::RingBuffer::new(cycles as usize);
+    let (mut inputs, told) = rtrb::RingBuffer::new(cycles as usize);
+    let mut table = "cycle,kind,at_ns,identifier,payload,target_x_m,feed_m_per_s\n".to_owned();
+    for cycle in 0..cycles {
+        let at = Moment::ZERO + Span::us(500) * cycle as i64;
+        let what = match cycle % 100 {
+            0 => {
+                let payload = [cycle as u8, 0x80, 0xFF, 1, 2, 3, 4, 5, 6, 7, 8, 9];
+                let frame = Frame::fd(Id::new(0x701).unwrap(), payload);
+                writeln!(table, "{cycle},0,{},{},{},0,0", at.as_ns(), 0x701, hex(&payload)).unwrap();
+                Some(What::Frame { place: 2, received: Received { frame, at } })
+            }
+            50 => {
+                let line = LineMotion {
+                    target: PerAxis::from_fn(2, |_| Position::m(cycle as f64 * 1e-3)),
+                    feed: Velocity::m_per_s(0.1),
+                    acceleration: Acceleration::m_per_s2(2.0),
+                };
+                writeln!(table, "{cycle},6,0,0,,{:?},0.1", cycle as f64 * 1e-3).unwrap();
+                Some(What::Order(Order::Line(line)))
+            }
+            _ => None,
+        };
+        what.into_iter().for_each(|what| inputs.push(Input { cycle, what }).unwrap());
+        records.push(record(2, cycle)).unwrap();
+    }
+    drop((records, inputs));
+    assert!(Writer::start(path, header(2), written, told, Arc::default()).unwrap().join().is_complete);
+    table
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().fold(String::new(), |text, byte| format!("{text}{byte:02x}"))
 }

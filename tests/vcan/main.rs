@@ -14,5 +14,6 @@ mod heap;
 mod frames;
 mod interface;
 mod machine;
+mod playback;
 mod times;
 mod tools;

@@ -14,6 +14,7 @@ use serde_json::{Value, json};
 
 use crate::base::record::CycleRecord;
 use crate::base::time::{Moment, Span};
+use crate::cli::stop_wish;
 use crate::config::Machine;
 use crate::config::plan::CircleRequest;
 use crate::log::header::file_stamp;
@@ -96,17 +97,6 @@ fn lock_step(machine: &Machine, interface: &str) -> anyhow::Result<Lockstep<Sock
     let bus = run::open(machine, interface, &[lockstep::MARKER])?;
     Lockstep::begin(bus, PATIENCE)
         .with_context(|| format!("{interface}: is `hil-sim --bus {interface} --pace virtual` running?"))
-}
-
-/// A wish to stop that a signal sets.
-fn stop_wish() -> std::io::Result<Arc<AtomicBool>> {
-    let stop_wish = Arc::new(AtomicBool::new(false));
-    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
-        // The second one ends the program at once.
-        signal_hook::flag::register_conditional_shutdown(signal, 130, Arc::clone(&stop_wish))?;
-        signal_hook::flag::register(signal, Arc::clone(&stop_wish))?;
-    }
-    Ok(stop_wish)
 }
 
 /// A test about to be run.

@@ -86,13 +86,13 @@ enum Sense {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum PaceName {
+pub(super) enum PaceName {
     Virtual,
     Realtime,
 }
 
 impl PaceName {
-    const fn pace(self) -> Pace {
+    pub(super) const fn pace(self) -> Pace {
         match self {
             Self::Virtual => Pace::Virtual,
             Self::Realtime => Pace::Realtime,

@@ -18,9 +18,9 @@ use crate::base::record::{Arrival, CycleRecord, Refusal};
 use crate::base::sample::Freshness;
 use crate::config::Machine;
 use crate::rt::drive::raw_command;
-use crate::rt::wire::command::encode_sync;
+use crate::rt::wire::command::{RawCommand, encode_sync};
 use crate::rt::wire::scaling::AxisScale;
-use crate::rt::wire::{Address, Layout, Node};
+use crate::rt::wire::{Address, Layout, Malformed, Node};
 
 /// How the frames of a machine follow from its records.
 #[derive(Clone, Copy, Debug)]
@@ -62,16 +62,22 @@ impl Frames {
         frames.into_iter().map(|(_, received)| received).collect()
     }
 
+    /// The command of a cycle to an axis, whether or not the bus took it.
+    pub fn command(&self, record: &CycleRecord, axis: AxisId) -> Frame {
+        let sequence = record.cycles_run() as u8;
+        let raw = raw_command(&self.scales[axis], &record.axes[axis].command, record.cycle, sequence);
+        self.layout.command(self.nodes[axis], &raw)
+    }
+
     /// The commands of a cycle, without those that the bus refused.
     pub fn commands(&self, record: &CycleRecord) -> Vec<Frame> {
         let taken = record.axes.iter().filter(|(_, row)| row.refusal == Refusal::None);
-        taken
-            .map(|(axis, row)| {
-                let sequence = record.cycles_run() as u8;
-                let raw = raw_command(&self.scales[axis], &row.command, record.cycle, sequence);
-                self.layout.command(self.nodes[axis], &raw)
-            })
-            .collect()
+        taken.map(|(axis, _)| self.command(record, axis)).collect()
+    }
+
+    /// What a command frame says.
+    pub fn decode_command(&self, frame: &Frame) -> Result<RawCommand, Malformed> {
+        self.layout.decode_command(frame)
     }
 
     /// The axis that a command is for; `None` for any other frame.

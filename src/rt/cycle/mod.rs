@@ -48,6 +48,8 @@ pub struct Settings {
     pub heartbeat_timeout: Span,
     /// How long enabling and stopping may take.
     pub patience: Patience,
+    /// Periods skipped at once that are borne: for so long the last current flows and nobody watches.
+    pub pause_cycles_max: u32,
     /// How many missed periods are borne.
     pub overruns: BucketLimit,
     /// How much missed feedback and how many unusable frames of a board are borne.
@@ -180,7 +182,8 @@ impl Cycle {
     fn decide(&mut self, wish: Wish, observed: &PerAxis<Observation>, slot: &Slot) {
         let now = slot.timing.scheduled;
         let seen = self.overruns_seen.replace(slot.overruns).unwrap_or(slot.overruns);
-        let is_overrun = self.overruns.cycle(slot.overruns - seen);
+        let skipped = slot.overruns.saturating_sub(seen);
+        let is_overrun = self.overruns.cycle(skipped) || skipped > u64::from(self.settings.pause_cycles_max);
         let any_fault = self.modes.as_slice().iter().any(|mode| mode.fault().is_some());
         for (axis, mode) in self.modes.iter_mut() {
             let observation = &observed[axis];

@@ -95,6 +95,7 @@ mod tests {
         stale_cycles_max: 4,
         heartbeat_timeout: Span::ms(30),
         patience: Patience { enabling: Span::ms(1_000), stopping: Span::ms(1_000) },
+        pause_cycles_max: 8,
         overruns: BucketLimit { misses_max: 2, drain_cycles: 100 },
         losses: BucketLimit { misses_max: 20, drain_cycles: 100 },
         stop_acceleration: Acceleration::m_per_s2(0.5),
