@@ -74,7 +74,7 @@ struct Commanded {
     waiting: Option<RawCommand>,
     current: CurrentCounts,
     /// Cycle of the command that acts.
-    cycle: Option<u16>,
+    cycle: Option<u8>,
     control_word: u16,
     is_saturated: bool,
     /// Of the last command heard.
@@ -159,8 +159,9 @@ impl Board {
             | DriveState::Fault => CurrentCounts::ZERO,
         }
     }
-    /// Low half of the cycle of the command that acts; `None` before the first.
-    pub const fn acting_command(&self) -> Option<u16> {
+    /// Low byte of the cycle of the command that acts, which is what every layout carries; `None` before the
+    /// first.
+    pub const fn acting_command(&self) -> Option<u8> {
         self.command.cycle
     }
     /// State of the drive.
@@ -257,7 +258,7 @@ impl Board {
 
     fn apply(&mut self, raw: RawCommand, now: Moment) {
         self.watchdog.fed = now;
-        self.command.cycle = Some(raw.cycle);
+        self.command.cycle = Some(raw.cycle as u8);
         self.command.current = raw.current.clamp_abs(self.peak_current());
         self.command.is_saturated = raw.current != self.command.current;
         self.step_drive(raw.control_word);

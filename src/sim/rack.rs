@@ -99,8 +99,8 @@ impl Rack {
         self.axes[axis.index()].sensed()
     }
 
-    /// Low half of the cycle of the command that acts on an axis; `None` before the first.
-    pub fn acting_command(&self, axis: AxisId) -> Option<u16> {
+    /// Low byte of the cycle of the command that acts on an axis; `None` before the first.
+    pub fn acting_command(&self, axis: AxisId) -> Option<u8> {
         self.axes[axis.index()].board.acting_command()
     }
 

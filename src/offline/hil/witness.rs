@@ -14,7 +14,6 @@ use crate::base::sample::Freshness;
 use crate::base::time::Moment;
 use crate::base::units::{Current, Position, Velocity};
 use crate::config::Machine;
-use crate::rt::drive::sheet::CommandApplies;
 use crate::rt::drive::state::DriveState;
 use crate::sim::rack::Rack;
 use crate::sim::script::Script;
@@ -46,8 +45,8 @@ pub struct AxisTruth {
     pub table_velocity: Velocity,
     /// What its drive gives.
     pub current: Current,
-    /// Low half of the cycle of the command that acts on it.
-    pub acting_command: Option<u16>,
+    /// Low byte of the cycle of the command that acts on it.
+    pub acting_command: Option<u8>,
 }
 
 impl AxisTruth {
@@ -121,8 +120,6 @@ impl Evidence {
 #[derive(Debug)]
 pub struct Witness {
     standstill: PerAxis<Velocity>,
-    /// Cycles from a command to the one in which it acts.
-    command_delay: PerAxis<u16>,
     old_command_cycles: PerAxis<u64>,
     struck: u64,
     path: Path,
@@ -140,9 +137,6 @@ impl Witness {
         let first = script.faults.iter().map(|fault| fault.at).min().unwrap_or_default();
         Self {
             standstill: machine.axes.map(|_, axis| axis.control.limits.standstill),
-            command_delay: machine
-                .axes
-                .map(|_, axis| u16::from(axis.sheet.command_applies == CommandApplies::OnNextSync)),
             old_command_cycles: PerAxis::filled(machine.axes.count(), 0),
             struck: cycle_at(machine, Moment::ZERO + first),
             path: Path::default(),
@@ -200,8 +194,9 @@ impl Witness {
             None => is_enabled(row) && row.command.current != Current::ZERO,
         };
         if let Some(truth) = truth.filter(|_| cycle >= self.struck) {
-            let age = truth.acting_command.map_or(0, |acting| (cycle as u16).wrapping_sub(acting));
-            let is_old = truth.current != Current::ZERO && age > self.command_delay[axis];
+            // At a SYNC it is the command of the cycle before that acts, wherever it was taken.
+            let age = truth.acting_command.map_or(0, |acting| (cycle as u8).wrapping_sub(acting));
+            let is_old = truth.current != Current::ZERO && age > 1;
             self.old_command_cycles[axis] += u64::from(is_old);
             let most = self.evidence.old_command_cycles.unwrap_or(0).max(self.old_command_cycles[axis]);
             self.evidence.old_command_cycles = Some(most);
