@@ -128,7 +128,7 @@ impl AxisLoop {
             position: PositionLoop::default(),
             velocity: VelocityLoop::new(&gains.velocity, settings.tick),
             momentum: Momentum::new(&settings.axis, &settings.limits),
-            stillness: Stillness::new(&settings.axis, &settings.limits, settings.resolution),
+            stillness: Stillness::new(&settings.axis, &settings.limits, settings.resolution, settings.tick),
             velocity_command: Velocity::ZERO,
             velocity_error_rad_per_s: 0.0,
             held_velocity: Acted::NONE,

@@ -45,7 +45,7 @@ const RADIUS: Position = Position::mm(20.0);
 const FEED: Velocity = Velocity::mm_per_min(3_000.0);
 
 /// Of the following-error limit: an encoder that stands is found before it is so far off (docs/faults/20).
-const FROZEN_SHARE: f64 = 0.1;
+const FROZEN_SHARE: f64 = 0.25;
 
 /// Why there is no survey of a machine.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
