@@ -39,14 +39,17 @@ impl Bus for Slow {
     }
 }
 
-/// Enables at the start and ends after so many periods of the grid.
+/// Enables at the start and disables after so many periods of the grid.
 struct Until {
     cycle: u64,
     is_given: bool,
 }
 
 impl Orders for Until {
-    fn next(&mut self, _last: &CycleRecord) -> Option<Order> {
+    fn next(&mut self, last: &CycleRecord) -> Option<Order> {
+        if last.cycle >= self.cycle {
+            return Some(Order::Disable);
+        }
         (!std::mem::replace(&mut self.is_given, true)).then_some(Order::Enable)
     }
     fn is_done(&self, last: &CycleRecord) -> bool {
@@ -117,7 +120,9 @@ fn axes_at_rest_stand_occasional_misses() {
         Duration::from_micros(1_600),
         1_500,
     );
-    let last = &records[records.len() - 1];
+    // What follows is the way to rest.
+    let held = records.partition_point(|record| record.cycle < 1_500);
+    let (records, last) = (&records[..held], &records[held - 1]);
     // A pause of more than three periods runs the slot that has begun and skips at least two.
     assert!(last.overruns >= 6, "{} periods missed in 3 pauses of 2 or more", last.overruns);
     let longest = records.windows(2).map(|pair| pair[1].overruns - pair[0].overruns).max().unwrap_or(0);
@@ -138,7 +143,7 @@ fn axes_at_rest_stand_occasional_misses() {
 #[test]
 fn virtual_time_has_every_slot_and_no_overrun() {
     let records = run(&mut Virtual::new(Span::us(500)), 1_000_000, Duration::ZERO, 500);
-    assert_eq!(records.len(), 501);
+    assert!(records.len() > 501, "{} cycles", records.len());
     for (number, record) in records.iter().enumerate() {
         assert_eq!((record.cycle, record.overruns), (number as u64, 0));
         assert_eq!(record.timing.woke, record.timing.scheduled);

@@ -7,6 +7,7 @@ mod common;
 mod eventful;
 
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use common::{X, machine};
 use eventful::{Kept, eventful};
@@ -125,6 +126,9 @@ fn what_was_lost_on_the_way_to_the_log_ends_the_replay_there(
     assert!(matches!(refusal, ReplayError::Start(StartError::Headless { first: told }) if told == first));
 }
 
+/// Records in a chunk, about.
+const CHUNK_RECORDS: usize = 500;
+
 /// A log of a run.
 fn written(name: &str, kept: &Kept, folder: &Path) -> PathBuf {
     let path = folder.join("run.mcap");
@@ -134,10 +138,14 @@ fn written(name: &str, kept: &Kept, folder: &Path) -> PathBuf {
     let header = header(&machine(name), &place, &origin, "a test");
     let writer = Writer::start(&path, header, drain.ring, drain.inputs, drain.lost).expect("a new log");
     let mut records = Patient(ring);
-    for (record, told) in kept {
+    for (number, (record, told)) in kept.iter().enumerate() {
         let mut inputs = Inputs::default();
         told.iter().for_each(|input| inputs.push(*input));
         records.put(record, &inputs);
+        if number % CHUNK_RECORDS == CHUNK_RECORDS - 1 {
+            // A chunk is closed when it is so old.
+            std::thread::sleep(Duration::from_millis(130));
+        }
     }
     drop(records);
     let outcome = writer.join();
@@ -161,8 +169,9 @@ fn a_damaged_chunk_ends_the_replay_there_and_so_does_its_absence(
     assert_eq!((whole.cycles, whole.difference, whole.ended_early), (kept.len() as u64, None, None));
 
     let mut bytes = std::fs::read(&path).expect("the log");
-    let middle = bytes.len() / 2;
-    bytes[middle] ^= 0x10;
+    let chunks = mcap::Summary::read(&bytes).expect("an index").expect("an index").chunk_indexes;
+    let chunk = &chunks[chunks.len() / 2];
+    bytes[(chunk.chunk_start_offset + chunk.chunk_length / 2) as usize] ^= 0x10;
     let damaged = folder.path().join("damaged.mcap");
     std::fs::write(&damaged, bytes).expect("a copy");
     let replay = replayed_from(&damaged);

@@ -5,14 +5,15 @@ use std::io::{self, BufWriter, Write};
 use anyhow::Context;
 use quadrant::base::time::Moment;
 use quadrant::candump::{self, Lines};
-use quadrant::config::Machine;
 use quadrant::rt::bus::{Bus, memory};
+
+use crate::simulated::Simulated;
 
 /// Frames that cross between text and boards at once.
 const BUS_FRAMES: usize = 256;
 
-pub(crate) fn run(machine: &Machine, seed: u64) -> anyhow::Result<()> {
-    let mut rack = machine.rack(seed);
+pub(crate) fn run(simulated: &Simulated) -> anyhow::Result<()> {
+    let mut rack = simulated.rack();
     let (mut host, mut boards) = memory::pair(BUS_FRAMES);
     let mut lines = Lines::new(io::stdin().lock());
     let mut out = BufWriter::new(io::stdout().lock());

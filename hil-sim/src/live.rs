@@ -7,12 +7,14 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use quadrant::base::time::{Moment, Span};
-use quadrant::config::Machine;
 use quadrant::rt::bus::socketcan::SocketCan;
 use quadrant::rt::bus::{Bus, Frame, Received, SendError};
 use quadrant::rt::clock::monotonic_now;
 use quadrant::rt::thread::{self, Process, Thread};
 use quadrant::rt::wire::{Address, command};
+
+use crate::simulated::Simulated;
+use crate::truth::TruthFile;
 
 /// How often heartbeats and watchdogs are looked after while no frame comes.
 const WAIT: Span = Span::ms(1);
@@ -22,26 +24,46 @@ const TELL: Span = Span::ms(1_000);
 /// Below the cycle of a daemon on the same computer, above everything that is not real time.
 const REAL_TIME: thread::Settings = thread::Settings { priority: 60, cpu: None };
 
-/// Serve until told otherwise, and say what was served.
-pub(crate) fn run(machine: &Machine, seed: u64, bus: SocketCan, is_over: &AtomicBool) {
+/// Serve until told otherwise, and say what was served; `ready` says when a host is heard.
+pub(crate) fn run(
+    simulated: &Simulated,
+    bus: SocketCan,
+    truth: TruthFile,
+    is_over: &AtomicBool,
+    ready: impl FnOnce(&mut TruthFile) -> anyhow::Result<()> + Send,
+) -> anyhow::Result<()> {
     let _process = Process::prepare();
     // In a thread of its own: the one that calls is left to the signals.
     std::thread::scope(|scope| {
-        scope.spawn(|| serve(machine, seed, bus, is_over));
-    });
+        let served = scope.spawn(|| serve(simulated, bus, truth, is_over, ready)).join();
+        served.unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+    })
 }
 
-fn serve(machine: &Machine, seed: u64, bus: SocketCan, is_over: &AtomicBool) {
+fn serve(
+    simulated: &Simulated,
+    bus: SocketCan,
+    mut truth: TruthFile,
+    is_over: &AtomicBool,
+    ready: impl FnOnce(&mut TruthFile) -> anyhow::Result<()>,
+) -> anyhow::Result<()> {
     if let Err(errno) = Thread::prepare(&REAL_TIME).fifo {
         eprintln!("hil-sim: runs without real time ({errno}), so answers may be late");
     }
     let began = monotonic_now();
-    let mut bus = Watched::new(bus, machine.cycle.reply_window, began);
-    let mut rack = machine.live_rack(seed, Moment::ZERO);
+    let mut bus = Watched::new(bus, simulated.machine.cycle.reply_window, began);
+    let mut rack = simulated.live_rack(Moment::ZERO);
     let mut told = Moment::ZERO;
+    ready(&mut truth)?;
     while !is_over.load(Ordering::Relaxed) {
         let now = bus.now();
-        rack.serve(&mut bus, now + WAIT);
+        let until = now + WAIT;
+        while let Some(received) = bus.receive(until) {
+            rack.answer(&received, &mut bus);
+            truth.note(&received.frame, || rack.truths(received.at))?;
+        }
+        rack.speak(until, &mut bus);
+        truth.tell()?;
         if now - told >= TELL {
             bus.tell_late();
             told = now;
@@ -49,6 +71,7 @@ fn serve(machine: &Machine, seed: u64, bus: SocketCan, is_over: &AtomicBool) {
     }
     bus.tell_late();
     eprintln!("{}", bus.summary());
+    Ok(())
 }
 
 /// The interface, with an eye on how long answers take.

@@ -2,6 +2,7 @@
 //!
 //! ```text
 //!   hil-sim --bus vcan0 --pace virtual
+//!   hil-sim --bus vcan0 --scenario lost-sync.toml --truth truth.csv
 //!   hil-sim --machine reference < host.log > boards.log
 //! ```
 //!
@@ -12,11 +13,17 @@
 mod filter;
 mod live;
 mod served;
+mod simulated;
+mod truth;
 
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Parser, ValueEnum};
-use quadrant::config;
+
+use crate::served::Service;
+use crate::simulated::Simulated;
+use crate::truth::TruthFile;
 
 /// Boards, drives and axes of a machine on a CAN interface; without one, as a filter: reads the host's frames
 /// as candump lines from standard input, writes the boards' frames as candump lines to standard output.
@@ -29,12 +36,21 @@ struct Arguments {
     /// Seed of everything random: encoder counters at power-on, noise
     #[arg(long, default_value_t = 1, value_name = "N")]
     seed: u64,
+    /// Scenario to play: its machine, its seed, and what goes wrong with it
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["machine", "seed"])]
+    scenario: Option<PathBuf>,
     /// CAN interface to serve, until SIGINT or SIGTERM
     #[arg(long, value_name = "INTERFACE")]
     bus: Option<String>,
     /// How time passes on the interface
     #[arg(long, value_enum, default_value_t = Pace::Virtual, requires = "bus")]
     pace: Pace,
+    /// Where to tell what the axes really do, a row for each SYNC; `-` for standard output
+    #[arg(long, value_name = "FILE", requires = "bus")]
+    truth: Option<PathBuf>,
+    /// End with the process of this number, which has started this one
+    #[arg(long, value_name = "PID", requires = "bus")]
+    parent: Option<i32>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -56,9 +72,15 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments) -> anyhow::Result<()> {
-    let machine = config::load(&arguments.machine)?;
-    match (&arguments.bus, arguments.pace) {
-        (Some(interface), pace) => served::run(&machine, arguments.seed, interface, pace == Pace::Realtime),
-        (None, _) => filter::run(&machine, arguments.seed),
-    }
+    let simulated = match &arguments.scenario {
+        Some(scenario) => Simulated::of_scenario(scenario)?,
+        None => Simulated::of_machine(&arguments.machine, arguments.seed)?,
+    };
+    let Some(interface) = &arguments.bus else { return filter::run(&simulated) };
+    let truth = match &arguments.truth {
+        Some(file) => TruthFile::open(file, &simulated.machine.axis_names())?,
+        None => TruthFile::nowhere(),
+    };
+    let is_live = arguments.pace == Pace::Realtime;
+    served::run(&simulated, Service { interface, is_live, truth, parent: arguments.parent })
 }

@@ -80,14 +80,15 @@ impl Timing {
     }
 }
 
-/// Frames of one board, counted since the cycle started.
+/// Frames of one board, counted since the cycle started; wraps at 2^32.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LinkCounts {
     /// Feedback used.
     pub fresh: u32,
     /// Cycles that ended without fresh feedback.
     pub missed: u32,
-    /// Feedback frames that answered another cycle's SYNC, or this one's a second time.
+    /// Feedback frames that answered another cycle's SYNC, came after the reply window, or answered this one's a
+    /// second time.
     pub late: u32,
     /// Feedback frames that had been there before.
     pub repeated: u32,

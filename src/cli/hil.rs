@@ -1,22 +1,28 @@
 //! `quadrant hil run SCENARIO...`: what the simulated machine is put through, and what the controller makes of
 //! it, judged against what each scenario expects. It ends with 0 when every expectation is met, with 2 when
-//! one is not.
-//! `quadrant hil survey`: what becomes of every fault at many moments. It ends with 1 when a run went on with
-//! data that were more wrong than may stay unseen.
+//! one is not. The machine is in this process, or in one of its own at the other end of a CAN interface.
 
-use std::path::PathBuf;
+mod logs;
+mod on_bus;
+mod peer;
+mod realtime;
+mod survey;
 
-use anyhow::Context;
-use clap::builder::PossibleValuesParser;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, ensure};
 use clap::{Args, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 
-use super::{Outcome, machine, print_json, print_text};
-use crate::config::scenario::load_scenario;
-use crate::offline::hil::survey::{self, Line};
-use crate::offline::hil::{Finding, run_in_memory};
-use crate::sim::script::Kind;
+use super::{Outcome, PaceName, print_json, print_text};
+use crate::config::scenario::{Scenario, load_scenario};
+use crate::log::Pace;
+use crate::offline::hil::{self, Finding, in_memory};
+use crate::run::Place;
+
+use self::logs::Log;
+use self::on_bus::OnBus;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
@@ -26,10 +32,10 @@ pub(super) struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Verb {
-    /// Run scenarios in memory and judge them
+    /// Run scenarios, in memory or over a CAN interface, and judge them
     Run(Run),
     /// Let every kind of fault strike at many moments of a circle, and tell what became of each
-    Survey(Survey),
+    Survey(survey::Arguments),
 }
 
 #[derive(Debug, Args)]
@@ -37,41 +43,21 @@ struct Run {
     /// Scenarios: machine, motion, timed faults, expectations (see tests/scenarios)
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
+    /// Virtual CAN interface to run them over: `hil-sim` is started at its other end, one for each scenario
+    #[arg(long, value_name = "INTERFACE")]
+    bus: Option<String>,
+    /// With --bus: as fast as the processor allows and in lock step, or on the wall clock
+    #[arg(long, value_enum, default_value_t = PaceName::Virtual, requires = "bus")]
+    pace: PaceName,
+    /// With --bus: the `hil-sim` that plays the one scenario runs already; what only it knows stays unjudged
+    #[arg(long, requires = "bus")]
+    attach: bool,
+    /// Keep the log of each run in this folder
+    #[arg(long, value_name = "FOLDER")]
+    logs: Option<PathBuf>,
     /// Print one JSON object
     #[arg(long)]
     json: bool,
-}
-
-#[derive(Debug, Args)]
-struct Survey {
-    /// Machine: `reference`, `paper`, `classic`, or a file
-    #[arg(long, default_value = "reference", value_name = "NAME|FILE")]
-    machine: String,
-    /// Decides moments and chances
-    #[arg(long, default_value_t = 1)]
-    seed: u64,
-    /// Runs of each fault
-    #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u16).range(1..=1_000))]
-    moments: u16,
-    /// Only faults of this kind
-    #[arg(long, value_name = "KIND", value_parser = PossibleValuesParser::new(Kind::ALL.map(Kind::name)))]
-    fault: Option<String>,
-    /// Print one JSON object
-    #[arg(long)]
-    json: bool,
-    /// Write the page to a file instead of printing it
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["json", "fault"])]
-    write: Option<PathBuf>,
-}
-
-/// A survey, for programs.
-#[derive(Debug, Serialize)]
-struct PrintedSurvey<'a> {
-    machine: &'a str,
-    seed: u64,
-    moments: u16,
-    carried_on: usize,
-    lines: &'a [Line],
 }
 
 /// One scenario, for programs.
@@ -81,6 +67,8 @@ struct Printed {
     name: String,
     is_met: bool,
     findings: Vec<Finding>,
+    /// Expectations that only the truth could tell, where nobody told it.
+    unjudged: Vec<&'static str>,
 }
 
 /// All of them, for programs.
@@ -93,20 +81,26 @@ struct PrintedAll<'a> {
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     match &arguments.verb {
         Verb::Run(arguments) => run_scenarios(arguments),
-        Verb::Survey(arguments) => run_survey(arguments),
+        Verb::Survey(arguments) => survey::run(arguments),
     }
 }
 
 fn run_scenarios(arguments: &Run) -> anyhow::Result<Outcome> {
+    ensure!(
+        !arguments.attach || arguments.files.len() == 1,
+        "--attach takes one scenario, the one that hil-sim plays; {} are given",
+        arguments.files.len()
+    );
     // All of them are read before the first is run.
     let scenarios = arguments.files.iter().map(|file| load_scenario(file)).collect::<Result<Vec<_>, _>>()?;
     let bar = progress(scenarios.len());
     let mut printed = Vec::new();
     for (file, scenario) in arguments.files.iter().zip(&scenarios) {
         bar.set_message(scenario.name.clone());
-        let outcome = run_in_memory(scenario);
+        let outcome = run_one(arguments, file, scenario).with_context(|| file.display().to_string())?;
         let (file, name, is_met) = (file.display().to_string(), scenario.name.clone(), outcome.is_met());
-        printed.push(Printed { file, name, is_met, findings: outcome.findings });
+        let hil::Outcome { findings, unjudged, .. } = outcome;
+        printed.push(Printed { file, name, is_met, findings, unjudged });
         bar.inc(1);
     }
     bar.finish_and_clear();
@@ -119,34 +113,6 @@ fn run_scenarios(arguments: &Run) -> anyhow::Result<Outcome> {
     Ok(if unmet == 0 { Outcome::Done } else { Outcome::NotDone })
 }
 
-fn run_survey(arguments: &Survey) -> anyhow::Result<Outcome> {
-    let machine = machine(&arguments.machine)?;
-    let mut survey = survey::Survey::plan(&machine, arguments.seed, usize::from(arguments.moments))?;
-    arguments.fault.iter().for_each(|fault| survey.retain(fault));
-    let bar = progress(survey.runs());
-    let lines = survey.run(&|| bar.inc(1));
-    bar.finish_and_clear();
-    let carried_on = lines.iter().map(|line| line.carried_on.len()).sum();
-    if arguments.json {
-        let Survey { seed, moments, .. } = *arguments;
-        print_json(&PrintedSurvey { machine: &machine.name, seed, moments, carried_on, lines: &lines })?;
-    } else if let Some(file) = &arguments.write {
-        std::fs::write(file, survey::page(&survey, &lines))
-            .with_context(|| format!("cannot write {}", file.display()))?;
-        print_text(&format!(
-            "{} runs, {carried_on} carried on with wrong data: {}\n",
-            survey.runs(),
-            file.display()
-        ))?;
-    } else {
-        print_text(&survey::page(&survey, &lines))?;
-    }
-    if carried_on > 0 {
-        eprintln!("{carried_on} runs carried on with data that were more wrong than may stay unseen");
-    }
-    Ok(if carried_on == 0 { Outcome::Done } else { Outcome::Incomplete })
-}
-
 fn progress(runs: usize) -> ProgressBar {
     let bar = ProgressBar::new(runs as u64);
     if let Ok(style) = ProgressStyle::with_template("{msg} {wide_bar} {pos} of {len}  left {eta}") {
@@ -155,11 +121,36 @@ fn progress(runs: usize) -> ProgressBar {
     bar
 }
 
+fn run_one(arguments: &Run, file: &Path, scenario: &Scenario) -> anyhow::Result<hil::Outcome> {
+    let place = Place {
+        pace: arguments.pace.pace(),
+        interface: arguments.bus.as_deref(),
+        seed: scenario.script.seed,
+    };
+    let mut log = Log::start(arguments.logs.as_deref(), file, scenario, &place)?;
+    let outcome = match place.interface {
+        None => in_memory(scenario, |record, inputs| log.put(record, inputs)),
+        Some(interface) => {
+            let on_bus = OnBus { interface, is_attached: arguments.attach, file, scenario };
+            match place.pace {
+                Pace::Virtual => on_bus.in_lock_step(&mut log)?,
+                Pace::Realtime => on_bus.on_the_clock(&mut log)?,
+            }
+        }
+    };
+    log.finish()?;
+    Ok(outcome)
+}
+
 fn table(scenarios: &[Printed], unmet: usize) -> String {
     let mut text = String::new();
     for scenario in scenarios {
         text += &format!("{}  {}\n", if scenario.is_met { "met  " } else { "UNMET" }, scenario.name);
         scenario.findings.iter().for_each(|finding| text += &format!("       {finding}\n"));
+        scenario
+            .unjudged
+            .iter()
+            .for_each(|expectation| text += &format!("       {expectation}: not judged\n"));
     }
     text + &format!("\n{} scenarios, {unmet} unmet\n", scenarios.len())
 }

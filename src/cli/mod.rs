@@ -15,14 +15,12 @@ mod view;
 
 use std::io::{ErrorKind, IsTerminal, Write};
 use std::process::ExitCode;
-use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 
 use anyhow::Context;
-use clap::{Parser, Subcommand};
+use clap::{Parser, Subcommand, ValueEnum};
 
 use crate::config::{self, LoadError, Machine};
-use crate::log::size_limit;
+use crate::log::{Pace, size_limit};
 use crate::run::VERSION;
 
 /// Circular tests, checks and logs of ball-screw axes.
@@ -52,6 +50,22 @@ enum Verb {
     Replay(replay::Arguments),
 }
 
+/// How time passes in a run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum PaceName {
+    Virtual,
+    Realtime,
+}
+
+impl PaceName {
+    const fn pace(self) -> Pace {
+        match self {
+            Self::Virtual => Pace::Virtual,
+            Self::Realtime => Pace::Realtime,
+        }
+    }
+}
+
 /// How a verb ended, unless by an error.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Outcome {
@@ -66,6 +80,14 @@ enum Outcome {
 /// Entry point of `quadrant`.
 pub fn main() -> ExitCode {
     let arguments = Arguments::parse();
+    // What a run says before it moves something: what is missing for real time.
+    tracing_subscriber::fmt()
+        .with_max_level(tracing::Level::WARN)
+        .with_writer(std::io::stderr)
+        .with_ansi(std::io::stderr().is_terminal())
+        .with_target(false)
+        .without_time()
+        .init();
     if let Err(errno) = size_limit::is_an_error() {
         eprintln!("a log that reaches the size limit of files would end the tool: {errno}");
     }
@@ -106,17 +128,6 @@ fn complaint(error: &anyhow::Error) -> String {
 /// The machine of `--machine`.
 fn machine(name_or_path: &str) -> anyhow::Result<Machine> {
     Ok(config::load(name_or_path)?)
-}
-
-/// A wish to stop that a signal sets.
-fn stop_wish() -> std::io::Result<Arc<AtomicBool>> {
-    let stop_wish = Arc::new(AtomicBool::new(false));
-    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
-        // The second one ends the program at once.
-        signal_hook::flag::register_conditional_shutdown(signal, 130, Arc::clone(&stop_wish))?;
-        signal_hook::flag::register(signal, Arc::clone(&stop_wish))?;
-    }
-    Ok(stop_wish)
 }
 
 /// Print a text. A closed pipe (`| head`) is no error of ours; a full disk is.

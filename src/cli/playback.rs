@@ -8,7 +8,7 @@ use std::time::Instant;
 use serde::Serialize;
 
 use super::replay::{ended, spinner};
-use super::{Outcome, print_json, print_text, stop_wish};
+use super::{Outcome, print_json, print_text};
 use crate::base::time::Moment;
 use crate::config;
 use crate::log::{Pace, Reader};
@@ -46,7 +46,7 @@ pub(super) fn run(file: &Path, interface: &str, pace: Pace, json: bool) -> anyho
     let _process = (pace == Pace::Realtime).then(Process::prepare);
     let mut bus = run::open(&machine, interface, &[lockstep::MARKER])?;
     bus.set_origin(Moment::ZERO);
-    let is_stopped = stop_wish()?;
+    let is_stopped = run::stop_wish(true)?;
     eprintln!("the boards of {} on {interface}: waiting for a host", file.display());
     let bar = spinner("playback");
     let mut began = None;

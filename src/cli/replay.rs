@@ -9,8 +9,7 @@ use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 
-use super::circle::PaceName;
-use super::{Outcome, playback, print_json, print_text};
+use super::{Outcome, PaceName, playback, print_json, print_text};
 use crate::log::Reader;
 use crate::offline::replay::{Replay, replay};
 

@@ -18,7 +18,7 @@ pub trait Orders {
     /// The next order, if one is due; `last` is what happened in the cycle before. Asked at the ticks
     /// of the position loop.
     fn next(&mut self, last: &CycleRecord) -> Option<Order>;
-    /// Whether the run is over after `last`.
+    /// Whether nothing more is to be ordered after `last`. The run then ends once the axes are at rest.
     fn is_done(&self, last: &CycleRecord) -> bool;
 }
 

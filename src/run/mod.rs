@@ -13,7 +13,13 @@ mod preparation;
 pub mod readiness;
 
 use std::collections::BTreeMap;
+use std::io;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 use std::time::SystemTime;
+
+use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM};
+use signal_hook::flag;
 
 pub use cycle_thread::CycleThread;
 pub use preparation::Prepared;
@@ -51,6 +57,23 @@ impl Origin {
 /// Nanoseconds since 1970.
 pub fn wall_now_ns() -> i64 {
     SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default().as_nanos() as i64
+}
+
+/// A wish to stop, set by the signals that ask for the end: Ctrl-C, `kill`, a terminal that is closed. The
+/// handler sets it, so it is heard whatever the program's threads are waiting for. Where `second_ends`, a
+/// second one ends the program at once: for runs that move nothing real.
+///
+/// # Errors
+/// What the system says of a handler that it refuses.
+pub fn stop_wish(second_ends: bool) -> io::Result<Arc<AtomicBool>> {
+    let stop_wish = Arc::new(AtomicBool::new(false));
+    for signal in [SIGINT, SIGTERM, SIGHUP, SIGQUIT] {
+        if second_ends {
+            flag::register_conditional_shutdown(signal, 130, Arc::clone(&stop_wish))?;
+        }
+        flag::register(signal, Arc::clone(&stop_wish))?;
+    }
+    Ok(stop_wish)
 }
 
 /// Where the machine of a run is.

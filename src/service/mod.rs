@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!   machine file ─► readiness ─► commission ─► log ─► cycle ─┬─ watch: cycles advance, losses, overruns
-//!                   (or the end)                             └─ SIGTERM, SIGINT: come to rest, current off
+//!                   (or the end)                             └─ a signal: come to rest, current off
 //! ```
 //!
 //! It runs on the wall clock, on a CAN interface or against the simulated machine in its own process. It
@@ -22,7 +22,6 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use anyhow::Context;
 use clap::Parser;
 use nix::errno::Errno;
-use tokio::signal::unix::{Signal, SignalKind, signal};
 use tracing::{error, info, warn};
 
 use crate::base::record::CycleRecord;
@@ -88,11 +87,12 @@ pub fn main() -> ExitCode {
     let arguments = Arguments::parse();
     let filter = tracing_subscriber::EnvFilter::try_from_default_env()
         .unwrap_or_else(|_unset| tracing_subscriber::EnvFilter::new("info"));
-    // Nobody may be left to read: a line that cannot be written must not end the daemon.
+    // Nobody may be left to read: a line that cannot be written must neither end the daemon nor hold it up.
+    let (lines, _rest) = tracing_appender::non_blocking(std::io::stderr());
     tracing_subscriber::fmt()
         .with_env_filter(filter)
         .with_ansi(std::io::stderr().is_terminal())
-        .with_writer(std::io::stderr)
+        .with_writer(lines)
         .log_internal_errors(false)
         .init();
     if let Err(errno) = log::size_limit::is_an_error() {
@@ -173,15 +173,14 @@ fn conduct_on<B: Bus + Send + 'static>(
     let (to_log, log_drain) = record_ring(RING_RECORDS);
     let (to_status, status_drain) = record_ring(RING_RECORDS);
     let shared = Shared {
-        stop_wish: Arc::new(AtomicBool::new(false)),
+        // Before anything runs: from here on a signal is a wish to stop, not the end.
+        stop_wish: run::stop_wish(false)?,
         cycles: Arc::clone(&log_drain.cycles),
         lost: Arc::clone(&log_drain.lost),
         overruns: Arc::clone(&log_drain.overruns),
         wake_error_ns_max: Arc::clone(&log_drain.wake_error_ns_max),
     };
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    // Before anything runs: from here on a signal is a wish to stop, not the end.
-    let mut signals = runtime.block_on(async { Signals::new() })?;
     let origin = Origin::soon();
     let path = log_path(arguments, &origin)?;
     let place = Place { pace: Pace::Realtime, interface: arguments.bus.as_deref(), seed: arguments.seed };
@@ -205,16 +204,19 @@ fn conduct_on<B: Bus + Send + 'static>(
     let supervisor = Supervisor::from_environment();
     runtime.block_on(async {
         tokio::select! {
-            name = signals.next() => info!("{name}: coming to rest"),
+            () = watch::until(&shared.stop_wish) => info!("a signal: coming to rest"),
             () = watch::run(&shared, period, &supervisor, &mut status, || conductor.is_finished()) => {}
         }
     });
     shared.stop_wish.store(true, Ordering::Relaxed);
     supervisor.stopping();
-    let end = conductor.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
-    let end = end.context("the thread of the cycle ended without having run it")?;
+    let end = conductor.join();
     status.update();
-    Ok(report(&end, &writer.join(), &shared))
+    // First of all what was recorded, also of a run that broke off.
+    let log = writer.join();
+    let end = end.unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+    let end = end.context("the thread of the cycle ended without having run it")?;
+    Ok(report(&end, &log, &shared))
 }
 
 /// Where the status goes, if anywhere.
@@ -229,26 +231,6 @@ fn log_path(arguments: &Arguments, origin: &Origin) -> anyhow::Result<PathBuf> {
     std::fs::create_dir_all(folder)
         .with_context(|| format!("cannot create the log folder {}", folder.display()))?;
     Ok(folder.join(format!("quadrantd-{}.mcap", header::file_stamp(origin.wall_ns))))
-}
-
-/// The signals that ask for the end.
-struct Signals {
-    terminate: Signal,
-    interrupt: Signal,
-}
-
-impl Signals {
-    fn new() -> std::io::Result<Self> {
-        Ok(Self { terminate: signal(SignalKind::terminate())?, interrupt: signal(SignalKind::interrupt())? })
-    }
-
-    /// The name of the next one.
-    async fn next(&mut self) -> &'static str {
-        tokio::select! {
-            _ = self.terminate.recv() => "SIGTERM",
-            _ = self.interrupt.recv() => "SIGINT",
-        }
-    }
 }
 
 fn report(end: &End, log: &WriteOutcome, shared: &Shared) -> bool {

@@ -7,7 +7,7 @@ use std::io;
 use std::path::PathBuf;
 
 use serde::Serialize;
-use tracing::warn;
+use tracing::{error, warn};
 
 use crate::base::record::CycleRecord;
 use crate::config::Machine;
@@ -72,11 +72,12 @@ impl StatusFile {
         }
     }
 
-    /// Takes the records that came, and replaces the file.
+    /// Takes the records that came, tells the faults that are new in them, and replaces the file.
     pub(super) fn update(&mut self) {
         while self.records.inputs.pop().is_ok() {}
         while let Ok(record) = self.records.ring.pop() {
             self.timings.add(&record);
+            self.tell_faults(&record);
             self.last = Some(record);
         }
         let outcome = self.write();
@@ -86,6 +87,21 @@ impl StatusFile {
             warn!("the status file cannot be written: {error}");
         }
         self.is_refused = outcome.is_err();
+    }
+
+    fn tell_faults(&self, record: &CycleRecord) {
+        for ((axis, row), name) in record.axes.iter().zip(&self.axes) {
+            let before = self.last.as_ref().and_then(|last| last.axes[axis].fault);
+            if let Some(fault) = row.fault.filter(|fault| before != Some(*fault)) {
+                error!(cycle = record.cycle, "axis {name}: {fault}; see {}", fault.page());
+            }
+        }
+    }
+
+    /// The axes with a fault, as words; nothing if there is none.
+    pub(super) fn faults(&self) -> String {
+        let rows = self.last.iter().flat_map(|last| last.axes.as_slice()).zip(&self.axes);
+        rows.filter_map(|(row, name)| Some(format!("axis {name}: {}, ", row.fault?))).collect()
     }
 
     fn write(&self) -> io::Result<()> {

@@ -2,7 +2,7 @@
 //!
 //! Invariant: only reads counters; a stuck cycle is said aloud, never papered over.
 
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use tokio::time::{Instant, MissedTickBehavior};
@@ -17,6 +17,8 @@ use crate::base::time::Span;
 const EVERY: Duration = Duration::from_secs(1);
 /// How often it is asked whether the first cycle has run.
 const FIRST_EVERY: Duration = Duration::from_millis(5);
+/// How often it is asked whether somebody wishes to stop: the cycle hears of it by itself.
+const STOP_EVERY: Duration = Duration::from_millis(50);
 
 /// What was seen at one look.
 #[derive(Clone, Copy, Debug, Default)]
@@ -33,6 +35,13 @@ impl Seen {
             lost: shared.lost.load(Ordering::Relaxed),
             overruns: shared.overruns.load(Ordering::Relaxed),
         }
+    }
+}
+
+/// Until somebody wishes to stop.
+pub(super) async fn until(stop_wish: &AtomicBool) {
+    while !stop_wish.load(Ordering::Relaxed) {
+        tokio::time::sleep(STOP_EVERY).await;
     }
 }
 
@@ -68,7 +77,8 @@ pub(super) async fn run(
         looked = Instant::now();
         let advanced = seen.cycles - before.cycles;
         let pulse = Pulse::of(advanced, elapsed, period);
-        supervisor.beat(pulse, &status(advanced, elapsed, &seen, shared));
+        let line = file.faults() + &status(advanced, elapsed, &seen, shared);
+        supervisor.beat(pulse, &line);
         match pulse {
             Pulse::Stopped => {
                 error!(cycle = seen.cycles, "the cycle has not advanced for {:.1} s", elapsed.as_secs_f64());

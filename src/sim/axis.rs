@@ -10,8 +10,9 @@ use rand_pcg::Pcg64Mcg;
 
 use super::board::{Board, Measured};
 use super::script::{Effect, Kind};
+use super::truth::AxisTruth;
 use crate::base::time::{Moment, Span};
-use crate::base::units::{Current, Position};
+use crate::base::units::Current;
 use crate::plant::encoder::{Knot, Latch};
 use crate::plant::{self, Plant};
 use crate::rt::bus::Frame;
@@ -91,9 +92,15 @@ impl Axis {
         (self.settings.node, self.settings.layout)
     }
 
-    /// Where its motor is, as an encoder without counts would tell it at the end of the last step.
-    pub(super) fn sensed(&self) -> Position {
-        self.motor.position(Span::ZERO)
+    /// What it really does, so long `after` the end of the last step.
+    pub(super) fn truth(&self, after: Span) -> AxisTruth {
+        let state = self.plant.state();
+        AxisTruth {
+            position: self.motor.position(after),
+            motor_velocity: state.motor_velocity,
+            table_velocity: state.table_velocity,
+            current: self.current(),
+        }
     }
 
     /// What the axis really does.

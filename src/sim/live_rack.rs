@@ -23,6 +23,7 @@ use super::axis::{Axis, AxisSettings, Stepping};
 use super::board::Board;
 use super::script::Script;
 use super::script::player::Player;
+use super::truth::AxisTruth;
 use crate::base::axis::{AxisId, PerAxis};
 use crate::base::time::{Moment, Span};
 use crate::base::units::Current;
@@ -81,11 +82,21 @@ impl LiveRack {
     /// Serve the bus until a moment: each frame that comes is answered at once, as of when it came.
     pub fn serve(&mut self, bus: &mut impl Bus, until: Moment) {
         while let Some(received) = bus.receive(until) {
-            self.hear(&received);
-            self.player.speak(&mut self.axes, received.at, bus);
+            self.answer(&received, bus);
         }
-        self.advance_to(until);
-        self.player.speak(&mut self.axes, until, bus);
+        self.speak(until, bus);
+    }
+
+    /// A frame came: the answers go to the bus.
+    pub fn answer(&mut self, received: &Received, bus: &mut impl Bus) {
+        self.hear(received);
+        self.player.speak(&mut self.axes, received.at, bus);
+    }
+
+    /// It is now: what the boards say by themselves goes to the bus.
+    pub fn speak(&mut self, now: Moment, bus: &mut impl Bus) {
+        self.advance_to(now);
+        self.player.speak(&mut self.axes, now, bus);
     }
 
     /// A frame came.
@@ -122,6 +133,12 @@ impl LiveRack {
     /// The board of an axis, to make it fail.
     pub fn board_mut(&mut self, axis: AxisId) -> &mut Board {
         &mut self.axes[axis.index()].board
+    }
+
+    /// What all axes really do at a moment, up to a step after the last.
+    pub fn truths(&self, now: Moment) -> PerAxis<AxisTruth> {
+        let after = now - self.stepped;
+        PerAxis::from_fn(self.axes.len(), |axis| self.axes[axis.index()].truth(after))
     }
 
     /// What an axis really did at the end of the last step.

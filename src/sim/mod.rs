@@ -9,4 +9,5 @@ pub mod rack; //        all boards of a machine, in virtual time
 pub mod live_rack; //   the same on the wall clock
 pub mod script; //      what goes wrong, and when
 pub mod closed_loop; // the shipped cycle and a rack in one process
+pub mod truth; //       what the axes really did, told beside the bus
 pub mod session; //     a rack behind a bus of another process

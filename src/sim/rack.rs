@@ -10,14 +10,19 @@ use super::axis::{Axis, Stepping};
 use super::board::Board;
 use super::script::Script;
 use super::script::player::Player;
+use super::truth::AxisTruth;
 use crate::base::axis::{AxisId, PerAxis};
 use crate::base::time::{Moment, Span};
-use crate::base::units::{Current, Position};
 use crate::plant::{self, FINE_STEPS};
 use crate::rt::bus::{Bus, Frame};
 use crate::rt::wire::{Address, command};
 
 pub use super::axis::AxisSettings;
+
+/// A SYNC is overtaken by so many at most.
+const LATE_MIN: i32 = -8;
+/// A host is away for so many periods at most: a minute at 2 kHz.
+const LEAP_MAX: i32 = 120_000;
 
 /// The boards and plants of a machine.
 #[derive(Debug)]
@@ -67,8 +72,7 @@ impl Rack {
 
     /// The periods up to this cycle are over.
     fn pass_to(&mut self, cycle: u32) {
-        // A counter that has stood still or gone back is a repeated or late SYNC: no time has passed.
-        let elapsed = self.last_cycle.map_or(0, |last| cycle.wrapping_sub(last) as i32).max(0);
+        let elapsed = self.count(cycle);
         self.player.begin(self.now);
         for _ in 0..elapsed {
             for said in self.player.second_hosts(self.now + self.period, &self.axes) {
@@ -81,7 +85,23 @@ impl Rack {
             self.player.pass(self.now, &mut self.axes);
         }
         self.player.pass(self.now, &mut self.axes);
-        self.last_cycle = Some(cycle);
+    }
+
+    /// The periods up to this cycle, since the last SYNC.
+    fn count(&mut self, cycle: u32) -> u32 {
+        let Some(last) = self.last_cycle else {
+            self.last_cycle = Some(cycle);
+            return 0;
+        };
+        let elapsed = match cycle.wrapping_sub(last) as i32 {
+            // Repeated or late: no time has passed, neither now nor with the next one.
+            LATE_MIN..=0 => 0,
+            ahead @ 1..=LEAP_MAX => ahead as u32,
+            // A broken number, or somebody who counts anew: boards latch at every SYNC, whatever its number.
+            _ => 1,
+        };
+        self.last_cycle = Some(last.wrapping_add(elapsed));
+        elapsed
     }
 
     /// The board of an axis, to make it fail.
@@ -94,19 +114,14 @@ impl Rack {
         self.axes[axis.index()].state()
     }
 
-    /// Where the motor of an axis is, as a perfect encoder would be latched by a SYNC now.
-    pub fn sensed(&self, axis: AxisId) -> Position {
-        self.axes[axis.index()].sensed()
-    }
-
     /// Low byte of the cycle of the command that acts on an axis; `None` before the first.
     pub fn acting_command(&self, axis: AxisId) -> Option<u8> {
         self.axes[axis.index()].board.acting_command()
     }
 
-    /// Current that the drive of an axis gives now.
-    pub fn current(&self, axis: AxisId) -> Current {
-        self.axes[axis.index()].current()
+    /// What all axes really do, where a perfect encoder would be latched by a SYNC now.
+    pub fn truths(&self) -> PerAxis<AxisTruth> {
+        PerAxis::from_fn(self.axes.len(), |axis| self.axes[axis.index()].truth(Span::ZERO))
     }
 }
 

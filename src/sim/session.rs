@@ -63,6 +63,11 @@ impl<F: Fn() -> Rack> Session<F> {
         }
     }
 
+    /// The machine as it stands.
+    pub const fn rack(&self) -> &Rack {
+        &self.rack
+    }
+
     /// What was served so far.
     pub const fn counts(&self) -> Counts {
         self.counts

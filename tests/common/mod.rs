@@ -10,7 +10,7 @@ use quadrant::base::axis::{AxisId, PerAxis};
 use quadrant::base::input::Inputs;
 use quadrant::base::motion::{Circle, Direction};
 use quadrant::base::record::{AxisRecord, CycleRecord, ModeTag, Timing};
-use quadrant::base::time::Moment;
+use quadrant::base::time::{Moment, Span};
 use quadrant::base::units::{Acceleration, Position, Velocity};
 use quadrant::config::{self, Machine};
 use quadrant::rt::bus::{Bus, Frame, Received, SendError};
@@ -150,6 +150,8 @@ pub(crate) struct Line {
     /// Frames held back, with the SYNC behind which they come.
     held: Vec<(u64, Received)>,
     overtaken: Option<Received>,
+    /// How long after the end of the reply window frames come.
+    pub(crate) behind: Span,
     /// What the host sent and received, if somebody asks: SYNC, received, commands, and so on.
     pub(crate) crossed: Option<Vec<Frame>>,
 }
@@ -161,7 +163,8 @@ impl Bus for Line {
         outcome
     }
     fn receive(&mut self, until: Moment) -> Option<Received> {
-        let received = self.bring(until)?;
+        let mut received = self.bring(until)?;
+        received.at = received.at + self.behind;
         self.crossed.iter_mut().for_each(|crossed| crossed.push(received.frame));
         Some(received)
     }
@@ -254,6 +257,7 @@ impl Rig {
             syncs: 0,
             held: Vec::new(),
             overtaken: None,
+            behind: Span::ZERO,
             crossed: None,
         };
         let last = CycleRecord::empty(axes);

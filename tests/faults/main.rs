@@ -13,6 +13,8 @@ use std::rc::Rc;
 use common::{Fate, Rig, X, Y, machine_with};
 use quadrant::base::fault::{Fault, StopCategory};
 use quadrant::base::record::{ModeTag, Refusal};
+use quadrant::base::sample::Freshness;
+use quadrant::base::time::Span;
 use quadrant::base::units::Position;
 use quadrant::rt::bus::Bus;
 use quadrant::rt::door::Order;
@@ -239,13 +241,49 @@ fn single_lost_frames_are_borne_and_never_used_as_fresh(#[values("reference", "c
         rig.step();
         let row = rig.axis(X);
         assert_eq!(row.fault, None, "{row:?}");
-        if row.sample.freshness != quadrant::base::sample::Freshness::Fresh {
+        if row.sample.freshness != Freshness::Fresh {
             stale += 1;
             assert_eq!(row.command.terms, before.terms, "the loops stepped on a stale sample");
             assert_eq!(row.command.current, before.current);
         }
     }
     assert!(stale >= 9, "{stale} stale samples");
+}
+
+/// The pauses that began the stop go on: what is called control has no time of its own.
+#[rstest]
+fn a_stop_that_pauses_again_loses_its_current(#[values("reference", "classic")] machine: &str) {
+    let mut rig = prepared(machine, &GENTLE);
+    let pause = u64::from(rig.machine.supervision.pause_cycles_max) + 1;
+    for mode in [ModeTag::Stopping, ModeTag::Faulted] {
+        rig.skip(pause);
+        rig.run(3);
+        assert_eq!(rig.axis(X).mode, mode);
+        assert_eq!(rig.axis(X).fault, Some(Fault::Overrun));
+    }
+    assert!(is_unpowered(&mut rig));
+    // One within the limit is borne also while stopping.
+    let mut rig = prepared(machine, &GENTLE);
+    rig.skip(pause);
+    rig.run(3);
+    rig.skip(pause - 1);
+    rig.run(3);
+    assert_eq!(rig.axis(X).mode, ModeTag::Stopping);
+}
+
+/// Without its answer in time a cycle has no fresh sample, whoever was late.
+#[rstest]
+fn feedback_after_the_reply_window_is_late(#[values("reference", "classic")] machine: &str) {
+    let mut rig = prepared(machine, &GENTLE);
+    rig.line.behind = Span::us(1);
+    let late_before = rig.axis(X).link.late;
+    rig.step();
+    let row = rig.axis(X);
+    assert_eq!(row.sample.freshness, Freshness::Stale, "{row:?}");
+    assert!(row.link.late > late_before, "{row:?}");
+    rig.line.behind = Span::ZERO;
+    rig.step();
+    assert_eq!(rig.axis(X).sample.freshness, Freshness::Fresh, "at the end of the window it is in time");
 }
 
 #[rstest]

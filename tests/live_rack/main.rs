@@ -5,6 +5,7 @@
 
 #[path = "../common/mod.rs"]
 mod common;
+mod stall;
 mod truth;
 
 use std::sync::Arc;

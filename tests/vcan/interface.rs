@@ -1,5 +1,6 @@
 //! Interfaces that cannot be used, go down, or vanish and come back.
 
+use std::process::{Child, Command, Stdio};
 use std::thread;
 use std::time::Duration;
 
@@ -119,4 +120,57 @@ fn a_host_that_only_listens_finds_its_interface_again() {
         let waited = monotonic_now() - began;
         assert!(waited < SEARCH_INTERVAL + Span::ms(150), "nothing after {} us", waited.as_us());
     }
+}
+
+/// Ends a shell with its value.
+struct Shell(Child);
+
+impl Drop for Shell {
+    fn drop(&mut self) {
+        let _gone = self.0.kill();
+        let _reaped = self.0.wait();
+    }
+}
+
+#[test]
+fn a_search_beside_others_who_change_interfaces_is_found_to_take_so_long() {
+    let (Some(interface), Some(steady)) = (Interface::new(), Interface::new()) else { return };
+    let (mut host, mut beside) = (interface.bus(&[0x181]), steady.bus(&[0x181]));
+    // Each of these holds the lock that binding a socket wants too.
+    let script =
+        "while :; do ip link add dev vcan99 type vcan && ip link set vcan99 up; ip link del vcan99; done";
+    let others = ["98", "99"].map(|number| {
+        let script = script.replace("99", number);
+        Shell(Command::new("bash").args(["-c", &script]).stderr(Stdio::null()).spawn().unwrap())
+    });
+    let mut longest = [Span::ZERO; 2];
+    let took = |bus: &mut SocketCan, frame: &Frame| {
+        let before = monotonic_now();
+        (bus.send(frame), monotonic_now() - before)
+    };
+    for round in 0..10 {
+        interface.remove();
+        let mut is_there = false;
+        let began = monotonic_now();
+        loop {
+            if !is_there && monotonic_now() - began > Span::ms(250) {
+                interface.make(72);
+                is_there = true;
+            }
+            let (sent, searching) = took(&mut host, &numbered(0x201, round));
+            let (_, sending) = took(&mut beside, &numbered(0x201, round));
+            longest = [longest[0].max(searching), longest[1].max(sending)];
+            if sent.is_ok() && is_there {
+                break;
+            }
+            assert!(monotonic_now() - began < Span::s(5.0), "not found again");
+            thread::sleep(Duration::from_millis(1));
+        }
+    }
+    drop(others);
+    let [searching, sending] = longest.map(|span| span.as_us() * 1e-3);
+    say(&format!(
+        "beside others who change interfaces: a call that looks for one took up to {searching:.1} ms, one that \
+         does not up to {sending:.1} ms"
+    ));
 }

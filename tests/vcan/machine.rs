@@ -1,11 +1,13 @@
 //! Two processes on an interface: the simulated machine, and the tool that runs a circle on it.
 
 use std::io::{BufRead, BufReader, Read};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStderr, Command, Output, Stdio};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use quadrant::base::axis::AxisId;
+use quadrant::base::record::CycleRecord;
 use quadrant::base::time::Moment;
 use quadrant::log::Reader;
 use quadrant::rt::clock::monotonic_now;
@@ -18,7 +20,7 @@ use crate::rig::{CAN_UTILS, Interface, say};
 const SMALL: [&str; 6] = ["--radius-mm", "3", "--feed-mm-per-min", "1500", "--direction", "ccw"];
 
 /// `hil-sim` on an interface; killed with its value.
-struct Machine {
+pub(crate) struct Machine {
     child: Child,
     said: BufReader<ChildStderr>,
 }
@@ -26,10 +28,16 @@ struct Machine {
 impl Machine {
     #[track_caller]
     fn start(interface: &Interface, seed: &str) -> Self {
+        Self::start_with(interface, &["--pace", "virtual", "--seed", seed])
+    }
+
+    #[track_caller]
+    pub(crate) fn start_with(interface: &Interface, words: &[&str]) -> Self {
         let program = assert_cmd::cargo::cargo_bin("quadrant").with_file_name("hil-sim");
         assert!(program.exists(), "{} is missing: cargo build -p hil-sim", program.display());
         let mut child = Command::new(program)
-            .args(["--bus", &interface.name, "--pace", "virtual", "--seed", seed])
+            .args(["--bus", &interface.name])
+            .args(words)
             .stdout(Stdio::null())
             .stderr(Stdio::piped())
             .spawn()
@@ -43,7 +51,7 @@ impl Machine {
 
     /// Ends it by a signal; what it said at the end.
     #[track_caller]
-    fn end(mut self, signal: &str) -> String {
+    pub(crate) fn end(mut self, signal: &str) -> String {
         assert!(
             Command::new("kill").args([signal, &self.child.id().to_string()]).status().unwrap().success()
         );
@@ -54,7 +62,7 @@ impl Machine {
         rest
     }
 
-    fn kill(&mut self) {
+    pub(crate) fn kill(&mut self) {
         self.child.kill().unwrap();
         self.child.wait().unwrap();
     }
@@ -68,7 +76,7 @@ impl Drop for Machine {
 }
 
 /// The tool, about to run a circle into a folder.
-fn circle(words: &[&str], folder: &Path) -> Command {
+pub(crate) fn circle(words: &[&str], folder: &Path) -> Command {
     let mut tool = Command::new(assert_cmd::cargo::cargo_bin("quadrant"));
     tool.arg("circle").args(words).arg("--json").arg("--out").arg(folder);
     tool.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
@@ -80,17 +88,22 @@ fn on<'a>(interface: &'a Interface, words: &[&'a str]) -> Vec<&'a str> {
 }
 
 #[track_caller]
-fn result(output: &Output) -> Value {
+pub(crate) fn result(output: &Output) -> Value {
     let said = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{said}");
     serde_json::from_slice(&output.stdout).unwrap()
 }
 
+/// The log in a folder, if there is one.
+pub(crate) fn log_of(folder: &Path) -> Option<PathBuf> {
+    let mut entries = std::fs::read_dir(folder).ok()?.map(|entry| entry.unwrap().path());
+    entries.find(|path| path.extension().is_some_and(|end| end == "mcap"))
+}
+
 /// Every cycle in the log of a folder, and what it was told.
 #[track_caller]
 fn cycles(folder: &Path) -> Vec<String> {
-    let mut entries = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
-    let log = entries.find(|path| path.extension().is_some_and(|end| end == "mcap")).expect("a log");
+    let log = log_of(folder).expect("a log");
     let mut reader = Reader::open(&log).unwrap();
     let mut cycles = Vec::new();
     while let Some(record) = reader.next() {
@@ -162,7 +175,7 @@ fn up_time() -> Duration {
 }
 
 #[track_caller]
-fn wait_for(what: &str, is_so: impl Fn() -> bool) {
+pub(crate) fn wait_for(what: &str, is_so: impl Fn() -> bool) {
     let began = Instant::now();
     while !is_so() {
         assert!(began.elapsed() < Duration::from_secs(30), "waited for {what}");
@@ -236,4 +249,43 @@ fn an_interface_that_is_not_there_is_named_before_anything_is_begun() {
     let expected = if has_can { ["there is no interface can77", "ip -brief link"] } else { ["can", "error"] };
     expected.iter().for_each(|part| assert!(said.contains(part), "does not say `{part}`: {said}"));
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
+/// Random frames with an identifier of ours, one in so many milliseconds, while a circle is run: how it ended,
+/// what was said, and its records.
+fn disturbed(interface: &Interface, gap_ms: &str) -> (Option<i32>, String, Vec<CycleRecord>) {
+    let folder = TempDir::new().unwrap();
+    // As long as the feedback of x, with anything in it.
+    let words = [&interface.name, "-g", gap_ms, "-I", "181", "-f", "-b", "-L", "24"];
+    let mut noise = Command::new("cangen").args(words).spawn().expect(CAN_UTILS);
+    let output = circle(&on(interface, &SMALL), folder.path()).output().unwrap();
+    noise.kill().unwrap();
+    noise.wait().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    let log = log_of(folder.path()).expect("a log");
+    (output.status.code(), said, Reader::open(&log).unwrap().map(Result::unwrap).collect())
+}
+
+#[test]
+fn random_frames_under_a_boards_identifier_are_counted_and_never_believed() {
+    let Some(interface) = Interface::new() else { return };
+    let _machine = Machine::start(&interface, "1");
+    for (gap_ms, expected) in [("400", None), ("5", Some("docs/faults/01-feedback-lost.md"))] {
+        let (code, said, records) = disturbed(&interface, gap_ms);
+        let last = records.last().unwrap();
+        let link = last.axes[AxisId::X].link;
+        let unusable = link.late + link.repeated + link.malformed;
+        assert!(unusable > 3, "{unusable} of the random frames were counted");
+        match expected {
+            None => assert_eq!(code, Some(0), "{unusable} unusable frames: {said}"),
+            Some(page) => {
+                assert!(code == Some(2) && said.contains(page), "{unusable} unusable frames: {said}")
+            }
+        }
+        for pair in records.windows(2) {
+            let [before, after] = [&pair[0], &pair[1]].map(|record| record.axes[AxisId::X].sample.position);
+            let step_um = (after - before).as_um().abs();
+            assert!(step_um < 100.0, "x went {step_um} um in cycle {}", pair[1].cycle);
+        }
+    }
 }

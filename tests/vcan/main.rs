@@ -8,6 +8,7 @@
 
 mod rig;
 
+mod clock;
 mod flood;
 #[path = "../common/heap.rs"]
 mod heap;
@@ -15,5 +16,7 @@ mod frames;
 mod interface;
 mod machine;
 mod playback;
+mod scenarios;
+mod slow;
 mod times;
 mod tools;

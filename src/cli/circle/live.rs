@@ -14,7 +14,6 @@ use serde_json::{Value, json};
 
 use crate::base::record::CycleRecord;
 use crate::base::time::{Moment, Span};
-use crate::cli::stop_wish;
 use crate::config::Machine;
 use crate::config::plan::CircleRequest;
 use crate::log::header::file_stamp;
@@ -34,7 +33,7 @@ use crate::sim::closed_loop::{Patient, Wired, commission};
 /// Records on their way to the disk: seconds of a cycle at 2 kHz, so that a slow disk loses nothing.
 const RING_RECORDS: usize = 8_192;
 /// How long a machine in another process may be silent: far beyond a busy desk.
-const PATIENCE: Span = Span::ms(2_000);
+pub(in crate::cli) const PATIENCE: Span = Span::ms(2_000);
 
 /// Now, as a part of a file name.
 pub(super) fn stamp_now() -> String {
@@ -65,7 +64,9 @@ pub(super) fn record(
     allow_jitter: bool,
     log: &Path,
 ) -> anyhow::Result<Recording> {
-    let run = Run { began: Instant::now(), machine, request, test, place, log, stop_wish: stop_wish()? };
+    let moves_a_machine = place.interface.is_some() && place.pace == Pace::Realtime;
+    let stop_wish = run::stop_wish(!moves_a_machine)?;
+    let run = Run { began: Instant::now(), machine, request, test, place, log, stop_wish };
     match (place.interface, place.pace) {
         (None, pace) => {
             let prepared = (pace == Pace::Realtime).then(|| Prepared::new(machine, None)).transpose()?;
@@ -93,7 +94,7 @@ pub(super) fn record(
 }
 
 /// A bus in lock step with the machine behind an interface.
-fn lock_step(machine: &Machine, interface: &str) -> anyhow::Result<Lockstep<SocketCan>> {
+pub(in crate::cli) fn lock_step(machine: &Machine, interface: &str) -> anyhow::Result<Lockstep<SocketCan>> {
     let bus = run::open(machine, interface, &[lockstep::MARKER])?;
     Lockstep::begin(bus, PATIENCE)
         .with_context(|| format!("{interface}: is `hil-sim --bus {interface} --pace virtual` running?"))
@@ -139,7 +140,7 @@ impl Run<'_> {
         let mut orders = CircleProcedure::new(*test, Arc::clone(&stop_wish));
         let period = machine.cycle.period;
         begin(&mut bus, origin.monotonic);
-        let (ending, bus) = match prepared {
+        let end = match prepared {
             Some(prepared) => {
                 let conductor = prepared.thread.give(move || {
                     let mut records = Both(to_log, to_trace);
@@ -147,7 +148,7 @@ impl Run<'_> {
                     let last = conduct(&mut cycle, &mut bus, &mut grid, &mut orders, &mut records);
                     (orders.ending(&last), bus)
                 });
-                joined(conductor).context("the thread of the cycle ended without having run it")?
+                conductor.join().map(|end| end.context("the thread of the cycle ended without having run it"))
             }
             None => {
                 let conductor = thread::Builder::new().name("cycle".to_owned()).spawn(move || {
@@ -156,12 +157,14 @@ impl Run<'_> {
                     let last = conduct(&mut cycle, &mut bus, &mut grid, &mut orders, &mut records);
                     (orders.ending(&last), bus)
                 })?;
-                joined(conductor)
+                conductor.join().map(Ok)
             }
         };
         bar.finish();
-        let trace = joined(tracer).context("the run left no trace")?;
+        // First of all what was recorded, also of a run that broke off.
         let log = writer.join();
+        let (ending, bus) = end.unwrap_or_else(|panic| std::panic::resume_unwind(panic))?;
+        let trace = joined(tracer).context("the run left no trace")?;
         let wall_s = began.elapsed().as_secs_f64();
         let recording = Recording {
             ending,
@@ -216,11 +219,11 @@ fn records(mut ring: rtrb::Consumer<CycleRecord>) -> impl Iterator<Item = CycleR
 }
 
 /// A thread's result; its panic goes on here.
-fn joined<T>(thread: thread::JoinHandle<T>) -> T {
+pub(in crate::cli) fn joined<T>(thread: thread::JoinHandle<T>) -> T {
     thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
 }
 
-fn header(
+pub(in crate::cli) fn header(
     machine: &Machine,
     request: &CircleRequest,
     test: &CircleTest,

@@ -3,7 +3,7 @@
 //! Everything that can be refused is refused before an axis is enabled: the machine file, the test
 //! against travel and limits, the folder and the log. What happens after that is always reported.
 
-mod live;
+pub(super) mod live;
 mod report;
 
 use std::path::PathBuf;
@@ -11,11 +11,10 @@ use std::path::PathBuf;
 use anyhow::Context;
 use clap::{Args, ValueEnum};
 
-use super::{Outcome, machine};
+use super::{Outcome, PaceName, machine};
 use crate::base::motion::{Circle, Direction};
 use crate::base::units::{Position, Velocity};
 use crate::config::plan::CircleRequest;
-use crate::log::Pace;
 use crate::rt::cycle::procedure::Ending;
 use crate::run::Place;
 
@@ -83,21 +82,6 @@ enum Sense {
     Cw,
     Ccw,
     Both,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(super) enum PaceName {
-    Virtual,
-    Realtime,
-}
-
-impl PaceName {
-    pub(super) const fn pace(self) -> Pace {
-        match self {
-            Self::Virtual => Pace::Virtual,
-            Self::Realtime => Pace::Realtime,
-        }
-    }
 }
 
 impl Arguments {

@@ -7,6 +7,7 @@
 
 use super::cycle_at;
 use super::path::Path;
+use super::stage::Truth;
 use crate::base::axis::{AxisId, PerAxis};
 use crate::base::fault::Fault;
 use crate::base::record::{AxisRecord, CycleRecord, ModeTag};
@@ -15,8 +16,8 @@ use crate::base::time::Moment;
 use crate::base::units::{Current, Position, Velocity};
 use crate::config::Machine;
 use crate::rt::drive::state::DriveState;
-use crate::sim::rack::Rack;
 use crate::sim::script::Script;
+use crate::sim::truth::AxisTruth;
 
 /// Cycles between two looks at the distance from the path.
 const LOOK_EVERY: u64 = 4;
@@ -32,45 +33,6 @@ pub enum Ending {
     Refused(String),
     /// It came to no end in its time.
     Unfinished,
-}
-
-/// What an axis really does.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct AxisTruth {
-    /// Where a perfect encoder has its motor.
-    pub position: Position,
-    /// Of the motor.
-    pub motor_velocity: Velocity,
-    /// Of the table.
-    pub table_velocity: Velocity,
-    /// What its drive gives.
-    pub current: Current,
-    /// Low byte of the cycle of the command that acts on it.
-    pub acting_command: Option<u8>,
-}
-
-impl AxisTruth {
-    /// Of a simulated axis.
-    pub fn of(rack: &Rack, axis: AxisId) -> Self {
-        let state = rack.state(axis);
-        Self {
-            position: rack.sensed(axis),
-            motor_velocity: state.motor_velocity,
-            table_velocity: state.table_velocity,
-            current: rack.current(axis),
-            acting_command: rack.acting_command(axis),
-        }
-    }
-
-    /// Neither motor nor table moves faster than this.
-    fn is_slower_than(&self, standstill: Velocity) -> bool {
-        self.motor_velocity.abs() <= standstill && self.table_velocity.abs() <= standstill
-    }
-
-    /// No current, and as good as no motion.
-    pub(super) fn is_still(&self, standstill: Velocity) -> bool {
-        self.current == Current::ZERO && self.is_slower_than(standstill)
-    }
 }
 
 /// What was seen of a run.
@@ -94,9 +56,6 @@ pub struct Evidence {
     pub position_error: Option<Position>,
     /// Largest distance from the path after the first scripted fault; `None` without the truth.
     pub path_error: Option<Position>,
-    /// Cycles in which a drive gave current by a command that another should have followed by then, of the axis
-    /// with the most of them; `None` without the truth.
-    pub old_command_cycles: Option<u64>,
     /// Oldest sample under which an axis was under control, in cycles.
     pub age_cycles: u32,
     /// Highest protrusion of a circle, um, where it was asked for.
@@ -120,7 +79,6 @@ impl Evidence {
 #[derive(Debug)]
 pub struct Witness {
     standstill: PerAxis<Velocity>,
-    old_command_cycles: PerAxis<u64>,
     struck: u64,
     path: Path,
     /// The last cycles with current, with motion, and with an axis under control.
@@ -137,7 +95,6 @@ impl Witness {
         let first = script.faults.iter().map(|fault| fault.at).min().unwrap_or_default();
         Self {
             standstill: machine.axes.map(|_, axis| axis.control.limits.standstill),
-            old_command_cycles: PerAxis::filled(machine.axes.count(), 0),
             struck: cycle_at(machine, Moment::ZERO + first),
             path: Path::default(),
             last_current: PerAxis::filled(machine.axes.count(), None),
@@ -154,19 +111,17 @@ impl Witness {
                 stop_after: None,
                 position_error: None,
                 path_error: None,
-                old_command_cycles: None,
                 age_cycles: 0,
                 protrusion_um: None,
             },
         }
     }
 
-    /// A cycle has been run; `truth` tells of each axis what it did at the SYNC of this cycle.
-    pub fn see(&mut self, record: &CycleRecord, truth: Option<&dyn Fn(AxisId) -> AxisTruth>) {
+    /// A cycle has been run; `truths` are what each axis did at the SYNC of this cycle.
+    pub fn see(&mut self, record: &CycleRecord, truths: &Truth) {
         let cycle = record.cycle;
         self.evidence.cycles += 1;
         self.last = cycle;
-        let truths = truth.map(|truth| record.axes.map(|axis, _| truth(axis)));
         for (axis, row) in record.axes.iter() {
             self.see_axis(axis, row, truths.as_ref().map(|truths| &truths[axis]), cycle);
         }
@@ -193,14 +148,6 @@ impl Witness {
             Some(truth) => truth.current != Current::ZERO,
             None => is_enabled(row) && row.command.current != Current::ZERO,
         };
-        if let Some(truth) = truth.filter(|_| cycle >= self.struck) {
-            // At a SYNC it is the command of the cycle before that acts, wherever it was taken.
-            let age = truth.acting_command.map_or(0, |acting| (cycle as u8).wrapping_sub(acting));
-            let is_old = truth.current != Current::ZERO && age > 1;
-            self.old_command_cycles[axis] += u64::from(is_old);
-            let most = self.evidence.old_command_cycles.unwrap_or(0).max(self.old_command_cycles[axis]);
-            self.evidence.old_command_cycles = Some(most);
-        }
         let moves = match truth {
             Some(truth) => !truth.is_slower_than(self.standstill[axis]),
             None => is_fresh && row.sample.velocity.abs() > self.standstill[axis],
@@ -248,7 +195,7 @@ fn is_energised(row: &AxisRecord) -> bool {
 }
 
 /// Whether the drive last said that it gives current.
-fn is_enabled(row: &AxisRecord) -> bool {
+pub(super) fn is_enabled(row: &AxisRecord) -> bool {
     DriveState::decode(row.sample.raw.status_word) == Some(DriveState::OperationEnabled)
 }
 

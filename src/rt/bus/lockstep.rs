@@ -71,6 +71,7 @@ impl Lockstep<SocketCan> {
     /// Begins a session on an interface, whose moment zero becomes that of the monotonic clock.
     pub fn begin(mut bus: SocketCan, patience: Span) -> Result<Self, NoPeer> {
         bus.set_origin(Moment::ZERO);
+        bus.leave_undated();
         Self::begin_on(bus, patience)
     }
 }

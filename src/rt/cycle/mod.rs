@@ -9,15 +9,17 @@
 //! the end of the reply window is stale, and an axis that stays without is stopped.
 //! Invariant: record and inputs hold everything that the cycle read and decided.
 
+mod at_rest;
 pub mod bucket;
 pub mod mode;
 pub mod pace;
 pub mod procedure;
-mod release;
+mod reset;
+mod seen;
 pub mod standby;
 mod verdict;
 
-use crate::base::axis::PerAxis;
+use crate::base::axis::{AxisId, PerAxis};
 use crate::base::command::{Command, Limits as Acted};
 use crate::base::fault::Fault;
 use crate::base::input::{Input, Inputs, What};
@@ -31,9 +33,11 @@ use crate::rt::door::{Order, Orders, Records};
 use crate::rt::drive::state::{self, Target};
 use crate::rt::drive::{Drives, Observation, Operational};
 
+use at_rest::AtRest;
 use bucket::{Bucket, BucketLimit};
 use mode::{Mode, Patience, Sight, Wish};
 use pace::{Pace, Slot};
+use reset::Resets;
 
 /// What sets a cycle, beside the settings of its axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -72,6 +76,8 @@ pub struct Cycle {
     /// Before the first cycle none is missed: the grid may begin before the threads are there.
     overruns_seen: Option<u64>,
     losses: PerAxis<Bucket>,
+    resets: PerAxis<Resets>,
+    at_rest: AtRest,
     next_order_slot: u64,
     record: CycleRecord,
     inputs: Inputs,
@@ -92,6 +98,8 @@ impl Cycle {
             overruns: Bucket::new(settings.overruns),
             overruns_seen: None,
             losses: PerAxis::filled(count, Bucket::new(settings.losses)),
+            resets: PerAxis::filled(count, Resets::default()),
+            at_rest: AtRest::default(),
             next_order_slot: 0,
             record: CycleRecord::empty(count),
             inputs: Inputs::default(),
@@ -209,7 +217,11 @@ impl Cycle {
                     && limits.is_standing(observation.sample.velocity)
                     && limits.is_standing(expected.expected_velocity()),
             };
-            *mode = mode.next(&sight, &self.settings.patience);
+            let next = mode.next(&sight, &self.settings.patience);
+            if wish == Wish::ClearFault || (next == Mode::Off && *mode != Mode::Off) {
+                self.resets[axis] = Resets::default();
+            }
+            *mode = next;
         }
         if self.modes.as_slice().iter().any(|mode| !matches!(mode, Mode::Ready | Mode::Moving)) {
             self.profile.stop(self.settings.stop_acceleration, now);
@@ -218,6 +230,18 @@ impl Cycle {
             // Nobody is on the path any more; an axis that is enabled again starts from where it stands.
             self.profile.abandon();
         }
+        let wants_drive = self.modes.as_slice().iter().any(|mode| mode.wants_drive());
+        let settled = |(axis, axis_loop): (AxisId, &AxisLoop)| {
+            at_rest::has_settled(&observed[axis], axis_loop.limits(), self.settings.stale_cycles_max)
+        };
+        let is_any = |state| self.loops.iter().map(settled).any(|settled| settled == state);
+        let have_settled = if is_any(Some(false)) { Some(false) } else { (!is_any(None)).then_some(true) };
+        self.at_rest.see(wants_drive, have_settled, now, self.settings.patience.stopping);
+    }
+
+    /// Whether no axis has current or moves, as far as it is heard, or one would not come to rest in time.
+    pub const fn is_at_rest(&self) -> bool {
+        self.at_rest.is_over()
     }
 
     /// A command for each axis: the loops where current may flow, zero where not.
@@ -237,7 +261,7 @@ impl Cycle {
                 self.loops[axis].miss(is_position_tick);
             }
             let target = match mode {
-                Mode::Off => Target::FaultReset,
+                Mode::Off => self.resets[axis].target(observation.drive),
                 Mode::Faulted { .. } => Target::Disabled,
                 Mode::Enabling { .. } | Mode::Ready | Mode::Moving | Mode::Stopping { .. } => Target::Enabled,
             };
@@ -280,12 +304,13 @@ impl Cycle {
 
 /// What a cycle lost of one board: its fresh feedback, and frames that came and could not be used.
 fn losses(observation: &Observation, before: &LinkCounts) -> u64 {
-    let unusable = |counts: &LinkCounts| counts.late + counts.repeated + counts.malformed;
+    let unusable =
+        |counts: &LinkCounts| counts.late.wrapping_add(counts.repeated).wrapping_add(counts.malformed);
     u64::from(observation.sample.freshness != Freshness::Fresh)
-        + u64::from(unusable(&observation.link).saturating_sub(unusable(before)))
+        + u64::from(unusable(&observation.link).wrapping_sub(unusable(before)))
 }
 
-/// Run cycles until the orders say that it is done; the last record.
+/// Run cycles until the orders say that it is done and the axes are at rest; the last record.
 pub fn conduct<B: Bus>(
     cycle: &mut Cycle,
     bus: &mut B,
@@ -298,9 +323,10 @@ pub fn conduct<B: Bus>(
         let (record, inputs) = cycle.run(bus, orders, &slot, &mut || pace.now());
         record.lost_records = records.lost() + inputs.lost();
         records.put(record, inputs);
+        let is_done = orders.is_done(record);
         pace.finish();
-        if orders.is_done(record) {
-            return *record;
+        if is_done && cycle.is_at_rest() {
+            return cycle.record;
         }
     }
 }

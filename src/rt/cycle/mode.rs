@@ -171,13 +171,15 @@ impl Mode {
     }
 
     fn stopping(self, since: Moment, then: Rest, sight: &Sight, patience: &Patience) -> Self {
-        // The first fault keeps its name, but a worse one cuts the current.
+        // The first fault keeps its name, but a worse one cuts the current, and so does a stop that is not
+        // under control: it may have no time of its own.
+        let overruns = matches!(then, Rest::Faulted(_)) && sight.fault == Some(Fault::Overrun);
         let then = match (then, sight.fault) {
             (Rest::Ready | Rest::Off, Some(fault)) => Rest::Faulted(fault),
             (Rest::Ready, None) if sight.wish == Wish::Disable => Rest::Off,
             (Rest::Ready | Rest::Off | Rest::Faulted(_), _) => then,
         };
-        let must_cut = sight.fault.is_some_and(|fault| fault.stop() == StopCategory::Immediate);
+        let must_cut = overruns || sight.fault.is_some_and(|fault| fault.stop() == StopCategory::Immediate);
         let is_at_rest = !sight.motion_is_running && sight.is_standing;
         let is_late = sight.now - since > patience.stopping;
         match then {
@@ -243,6 +245,21 @@ mod tests {
 
     fn late(ms: i64) -> Sight {
         Sight { now: Moment::ZERO + Span::ms(ms), ..CALM }
+    }
+
+    #[test]
+    fn a_stop_that_overruns_again_is_not_under_control() {
+        let overrun = Sight { fault: Some(Fault::Overrun), is_standing: false, ..CALM };
+        let moving = Sight { is_standing: false, ..CALM };
+        let stopping = Mode::Moving.next(&overrun, &PATIENCE);
+        assert_eq!(stopping, Mode::Stopping { since: Moment::ZERO, then: Rest::Faulted(Fault::Overrun) });
+        let braking = stopping.next(&moving, &PATIENCE);
+        assert_eq!(braking, stopping);
+        assert_eq!(braking.next(&overrun, &PATIENCE), Mode::Faulted { by: Fault::Overrun });
+        // The first overrun in a stop that was ordered is the fault, the second cuts.
+        let ordered = Mode::Stopping { since: Moment::ZERO, then: Rest::Off };
+        let named = ordered.next(&overrun, &PATIENCE);
+        assert_eq!(named, stopping);
     }
 
     #[test]

@@ -8,7 +8,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::release::{Release, is_everywhere};
+use super::seen::{Admission, is_everywhere};
 use crate::base::axis::AxisId;
 use crate::base::fault::Fault;
 use crate::base::record::{CycleRecord, ModeTag};
@@ -78,7 +78,7 @@ pub struct CircleProcedure {
     ending: Ending,
     /// Motions ordered so far; the cycle counts those that it began.
     motions: u32,
-    release: Release,
+    admission: Admission,
     stop_wish: Arc<AtomicBool>,
 }
 
@@ -90,7 +90,7 @@ impl CircleProcedure {
             step: Step::Enable,
             ending: Ending::Complete,
             motions: 0,
-            release: Release::default(),
+            admission: Admission::default(),
             stop_wish,
         }
     }
@@ -153,7 +153,7 @@ impl Orders for CircleProcedure {
         let is_off = is_everywhere(last, &[ModeTag::Off]);
         let circle = |index: usize| self.test.circles.get(index).copied().flatten();
         let (order, step) = match self.step {
-            Step::Enable if is_off => (Order::Enable, Step::UseGains),
+            Step::Enable if self.admission.is_given(last) => (Order::Enable, Step::UseGains),
             Step::UseGains if is_ready => (Order::UseGains(self.test.gain_set), self.after(None)),
             Step::Position { circle: index } if is_ready => {
                 (self.positioning(&circle(index)?, last), Step::Circle { circle: index })
@@ -165,7 +165,6 @@ impl Orders for CircleProcedure {
             Step::Stop => (Order::Disable, Step::Done),
             Step::Disable if is_ready => (Order::Disable, Step::Done),
             Step::Done => {
-                self.release.tick();
                 // An axis that was still being enabled when the others were told.
                 let is_left = is_everywhere(last, &[ModeTag::Off, ModeTag::Ready]) && !is_off;
                 return is_left.then_some(Order::Disable);
@@ -180,16 +179,13 @@ impl Orders for CircleProcedure {
     }
 
     fn is_done(&self, last: &CycleRecord) -> bool {
-        self.step == Step::Done && self.release.is_over(last)
+        self.step == Step::Done && is_everywhere(last, &[ModeTag::Off, ModeTag::Faulted])
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::release::TICKS_MAX;
     use super::*;
-    use crate::base::sample::Freshness;
-    use crate::rt::drive::state::DriveState;
 
     #[test]
     fn a_stop_before_the_axes_have_current_ends_the_test() {
@@ -230,23 +226,5 @@ mod tests {
         let mut last = CycleRecord::empty(2);
         last.axes[AxisId::Y].fault = Some(Fault::FeedbackLost);
         assert_eq!(procedure.ending(&last), Ending::Faulted(AxisId::Y, Fault::FeedbackLost));
-    }
-
-    #[test]
-    fn a_run_ends_when_the_drives_have_let_go_or_would_not() {
-        let test = CircleTest { gain_set: 0, circles: [None; 2], positioning_feed: Velocity::mm_per_s(10.0) };
-        let mut procedure = CircleProcedure::new(test, Arc::default());
-        procedure.step = Step::Done;
-        let mut last = CycleRecord::empty(2);
-        let sample = &mut last.axes[AxisId::Y].sample;
-        sample.freshness = Freshness::Fresh;
-        sample.raw.status_word = DriveState::OperationEnabled.status_word();
-        assert!(!procedure.is_done(&last), "the drive of y still gives current");
-        let mut obeys = last;
-        obeys.axes[AxisId::Y].sample.raw.status_word = DriveState::SwitchOnDisabled.status_word();
-        assert!(procedure.is_done(&obeys));
-        let ticks =
-            (0..1_000).take_while(|_| procedure.next(&last).is_none() && !procedure.is_done(&last)).count();
-        assert_eq!(ticks, TICKS_MAX as usize, "ticks of the position loop until it gives up");
     }
 }

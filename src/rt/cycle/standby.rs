@@ -6,7 +6,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::release::{Release, is_everywhere};
+use super::seen::{Admission, is_everywhere};
 use crate::base::record::{CycleRecord, ModeTag};
 use crate::rt::door::{Order, Orders};
 
@@ -14,14 +14,14 @@ use crate::rt::door::{Order, Orders};
 #[derive(Clone, Debug)]
 pub struct Standby {
     wants_hold: bool,
-    release: Release,
+    admission: Admission,
     stop_wish: Arc<AtomicBool>,
 }
 
 impl Standby {
     /// Hold position if `wants_hold`, until `stop_wish` is set.
     pub fn new(wants_hold: bool, stop_wish: Arc<AtomicBool>) -> Self {
-        Self { wants_hold, release: Release::default(), stop_wish }
+        Self { wants_hold, admission: Admission::default(), stop_wish }
     }
 
     fn is_stopping(&self) -> bool {
@@ -32,10 +32,9 @@ impl Standby {
 impl Orders for Standby {
     fn next(&mut self, last: &CycleRecord) -> Option<Order> {
         if self.is_stopping() {
-            self.release.tick();
             return (!is_everywhere(last, &[ModeTag::Off, ModeTag::Faulted])).then_some(Order::Disable);
         }
-        if self.wants_hold && is_everywhere(last, &[ModeTag::Off]) {
+        if self.wants_hold && self.admission.is_given(last) {
             // Once: after a fault the axes wait for a person.
             self.wants_hold = false;
             return Some(Order::Enable);
@@ -44,6 +43,6 @@ impl Orders for Standby {
     }
 
     fn is_done(&self, last: &CycleRecord) -> bool {
-        self.is_stopping() && self.release.is_over(last)
+        self.is_stopping() && is_everywhere(last, &[ModeTag::Off, ModeTag::Faulted])
     }
 }

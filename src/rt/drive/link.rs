@@ -6,7 +6,7 @@
 use super::bend::Bend;
 use super::board_clock::{BoardClock, Step};
 use super::halves::{Doubt, Halves, Piece};
-use super::liveness::{Judgement, Liveness, periods_between};
+use super::liveness::{Judgement, Liveness, count, periods_between};
 use super::state::DriveState;
 use super::velocity::VelocityEstimator;
 use super::{DriveSettings, Events, Observation, Taken};
@@ -37,6 +37,8 @@ pub(super) struct Link {
     clock: BoardClock,
     period_s: f64,
     liveness: Liveness,
+    /// End of this cycle's reply window.
+    until: Moment,
     command_sequence: u8,
     pub(super) observation: Observation,
 }
@@ -55,6 +57,7 @@ impl Link {
             clock: BoardClock::new(period),
             period_s: period.as_s(),
             liveness: Liveness::default(),
+            until: Moment::ZERO,
             command_sequence: 0,
             observation: Observation::default(),
         }
@@ -71,6 +74,7 @@ impl Link {
 
     /// A cycle begins: nothing of it is fresh yet, nothing has happened in it.
     pub(super) fn begin(&mut self, cycle: u64, until: Moment) {
+        self.until = until;
         self.liveness.begin(cycle, until);
         let sample = &mut self.observation.sample;
         sample.freshness = match sample.freshness {
@@ -86,7 +90,7 @@ impl Link {
     pub(super) fn end(&mut self, cycle: u64, until: Moment, inputs: &mut Inputs) {
         match self.halves.end(cycle, inputs) {
             Doubt::None => {}
-            Doubt::Late => self.liveness.counts.late += 1,
+            Doubt::Late => count(&mut self.liveness.counts.late, true),
             // A boot-up message tells it too.
             Doubt::Restart if self.observation.events.is_board_reset => {}
             Doubt::Restart => {
@@ -96,18 +100,23 @@ impl Link {
         }
         let sample = &mut self.observation.sample;
         sample.age_cycles = self.liveness.age_cycles(cycle);
-        self.liveness.counts.missed += u32::from(sample.freshness != Freshness::Fresh);
+        count(&mut self.liveness.counts.missed, sample.freshness != Freshness::Fresh);
         self.observation.link = self.liveness.counts;
         self.observation.events.heartbeat_age = self.liveness.heartbeat_age(until);
     }
 
     /// Takes a feedback frame; whether it is the answer this cycle waits for.
     pub(super) fn take_feedback(&mut self, received: &Received, place: u8, cycle: u64) -> Taken {
+        if received.at > self.until {
+            // The window was over; it is met here because the host was late as well.
+            count(&mut self.liveness.counts.late, true);
+            return Taken::Aside;
+        }
         match self.whole(received, place, cycle) {
             Ok(Whole::Feedback { raw, arrivals }) => self.use_feedback(raw, arrivals, cycle),
             Ok(Whole::Not(taken)) => taken,
             Err(_unreadable) => {
-                self.liveness.counts.malformed += 1;
+                count(&mut self.liveness.counts.malformed, true);
                 Taken::Aside
             }
         }
@@ -125,7 +134,7 @@ impl Link {
             }
             // On FD nobody has a second frame to send.
             Layout::Fd => {
-                self.liveness.counts.malformed += 1;
+                count(&mut self.liveness.counts.malformed, true);
                 return Ok(Whole::Not(Taken::Aside));
             }
             Layout::Classic if is_first => {
@@ -144,11 +153,11 @@ impl Link {
             }
             Piece::Held => Whole::Not(Taken::Held),
             Piece::Late => {
-                self.liveness.counts.late += 1;
+                count(&mut self.liveness.counts.late, true);
                 Whole::Not(Taken::Aside)
             }
             Piece::Repeated => {
-                self.liveness.counts.repeated += 1;
+                count(&mut self.liveness.counts.repeated, true);
                 Whole::Not(Taken::Aside)
             }
         })
@@ -221,20 +230,20 @@ impl Link {
                     self.observation.events.is_board_reset = true;
                 }
             }
-            Err(_unreadable) => self.liveness.counts.malformed += 1,
+            Err(_unreadable) => count(&mut self.liveness.counts.malformed, true),
         }
     }
 
     pub(super) fn take_emergency(&mut self, frame: &Frame) {
         match state::decode_emergency(frame) {
             Ok(emergency) => {
-                self.liveness.counts.emergencies += 1;
+                count(&mut self.liveness.counts.emergencies, true);
                 if emergency.code != Emergency::CODE_NONE {
                     // The first is the cause, the others tend to follow from it.
                     self.observation.events.emergency.get_or_insert(emergency);
                 }
             }
-            Err(_unreadable) => self.liveness.counts.malformed += 1,
+            Err(_unreadable) => count(&mut self.liveness.counts.malformed, true),
         }
     }
 

@@ -45,12 +45,12 @@ impl Liveness {
         // After exactly 256 lost frames the sequence is the old one again: that costs one more
         // cycle, and silence of that length is a fault anyway.
         if self.last.is_some_and(|(_, sequence)| sequence == raw.sequence) {
-            self.counts.repeated += 1;
+            count(&mut self.counts.repeated, true);
             return Judgement::Unusable;
         }
         let is_fresh_already = self.last.is_some_and(|(fresh, _)| fresh == cycle);
         if raw.answers_cycle != cycle as u16 || is_fresh_already {
-            self.counts.late += 1;
+            count(&mut self.counts.late, true);
             return Judgement::Unusable;
         }
         Judgement::Fresh { periods: self.accept(raw, cycle) }
@@ -58,7 +58,7 @@ impl Liveness {
 
     /// Takes a feedback that is known to be new; the last one was so many periods ago.
     pub(super) fn accept(&mut self, raw: &RawFeedback, cycle: u64) -> Option<u32> {
-        self.counts.fresh += 1;
+        count(&mut self.counts.fresh, true);
         let before = self.last.replace((cycle, raw.sequence));
         before.map(|(fresh, _)| periods_between(fresh, cycle))
     }
@@ -76,7 +76,7 @@ impl Liveness {
 
     /// Takes a heartbeat; whether it shows that the board restarted.
     pub(super) fn heartbeat(&mut self, heartbeat: Heartbeat, at: Moment) -> bool {
-        self.counts.heartbeats += 1;
+        count(&mut self.counts.heartbeats, true);
         self.heard = Some(at);
         // The boot-up message may be lost: the next heartbeat still tells by its count. The count starts
         // again with the power; then the seconds since boot have gone back.
@@ -84,13 +84,13 @@ impl Liveness {
             heartbeat.reset_count != before.reset_count || heartbeat.uptime_s < before.uptime_s
         });
         let is_reset = heartbeat.state == Heartbeat::BOOT_UP || is_changed;
-        self.counts.resets += u32::from(is_reset);
+        count(&mut self.counts.resets, is_reset);
         is_reset
     }
 
     /// The board restarted, as its clock shows: what its next heartbeat counts is no second event.
     pub(super) fn restarted(&mut self) {
-        self.counts.resets += 1;
+        count(&mut self.counts.resets, true);
         self.beat = None;
     }
 
@@ -103,6 +103,11 @@ impl Liveness {
     pub(super) fn start(&mut self) {
         *self = Self { beat: self.beat, ..Self::default() };
     }
+}
+
+/// Counts on where it is so; counters wrap, at 2 kHz after 24 days.
+pub(super) const fn count(counter: &mut u32, is_so: bool) {
+    *counter = counter.wrapping_add(is_so as u32);
 }
 
 /// Periods of the grid from one cycle to another.

@@ -8,6 +8,8 @@ use std::fs;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
+use crate::rt::bus::socketcan::is_virtual;
+
 /// What was found.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct System {
@@ -141,14 +143,6 @@ impl Interface {
         let is_there = device.exists();
         Self { name: name.to_owned(), is_there, is_virtual: is_virtual(&device, name), interrupts }
     }
-}
-
-/// Only a `vcan` by name and place is taken for virtual. An adapter on a serial line (slcan) has no device either,
-/// and one that does not exist may come back with a machine behind it.
-fn is_virtual(device: &Path, name: &str) -> bool {
-    let place = device.canonicalize().unwrap_or_default();
-    let steps: Vec<_> = place.components().map(|step| step.as_os_str().to_owned()).collect();
-    name.starts_with("vcan") && steps.windows(2).any(|pair| pair[0] == "devices" && pair[1] == "virtual")
 }
 
 /// What the threads of a controller's interrupts are called by: numbers, and names.

@@ -125,11 +125,7 @@ impl Line {
             rest_cycles: Extent::of(stopped().map(|(_, seen)| seen.rest_after)),
             position_error: largest(runs.iter().map(|run| run.evidence.position_error)),
             off_circle: largest(runs.iter().map(|run| run.off_circle)),
-            old_command_cycles: runs
-                .iter()
-                .filter_map(|run| run.evidence.old_command_cycles)
-                .max()
-                .unwrap_or(0),
+            old_command_cycles: runs.iter().map(|run| run.old_command_cycles).max().unwrap_or(0),
             carried_on: runs.iter().filter_map(carried_on).collect(),
         }
     }

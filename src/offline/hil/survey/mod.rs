@@ -15,6 +15,8 @@ mod cases;
 mod line;
 mod page;
 
+use std::collections::VecDeque;
+use std::convert::Infallible;
 use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
@@ -22,18 +24,20 @@ use std::thread;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-use super::{AxisTruth, Ending, Evidence, Witness, in_memory};
-use crate::base::axis::AxisId;
+use super::stage::{self, Truth, Truths};
+use super::{Ending, Evidence, Witness};
+use crate::base::axis::{AXES_MAX, AxisId};
 use crate::base::fault::Fault;
 use crate::base::motion::{Circle, Direction};
+use crate::base::record::CycleRecord;
 use crate::base::time::{Moment, Span};
-use crate::base::units::{Position, Velocity};
+use crate::base::units::{Current, Position, Velocity};
 use crate::config::Machine;
 use crate::config::machine::Axis;
 use crate::config::plan::{CircleRequest, PlanError};
 use crate::config::scenario::Motion;
 use crate::rt::drive::bend;
-use crate::sim::rack::Rack;
+use crate::sim::closed_loop::Wired;
 use crate::sim::script::{Effect, Script, ScriptedFault};
 
 pub use cases::Case;
@@ -88,6 +92,9 @@ pub struct Run {
     pub evidence: Evidence,
     /// Furthest from the circle of the true place, from then on; `None` where nothing moved.
     pub off_circle: Option<Position>,
+    /// Cycles in which a drive gave current by a command that another should have followed by then, of the axis
+    /// with the most of them.
+    pub old_command_cycles: u64,
 }
 
 impl Run {
@@ -118,12 +125,12 @@ impl Survey {
         let motion = Motion::Circle { request, test };
         let (mut measured, mut off_circle) = (None, Position::ZERO);
         let clean = Script { seed, ..Script::default() };
-        let ending = in_memory(machine, &motion, &clean, |record, rack| {
+        let ending = in_memory(machine, &motion, &clean, &mut Told::default(), |record, truth| {
             if record.stage.is_measured {
                 measured = Some((measured.map_or(record.cycle, |(first, _)| first), record.cycle + 1));
             }
             if measured.is_some() {
-                off_circle = further(off_circle, distance(rack));
+                off_circle = further(off_circle, distance(truth));
             }
         });
         match measured {
@@ -196,14 +203,15 @@ impl Survey {
         let fault = ScriptedFault { at, lasts: case.lasts, axis, effect: case.effect };
         let script = Script { seed, faults: vec![fault] };
         let mut witness = Witness::new(&self.machine, &script);
-        let mut off_circle = None;
-        let ending = in_memory(&self.machine, &self.motion, &script, |record, rack| {
-            witness.see(record, Some(&|axis| AxisTruth::of(rack, axis)));
+        let (mut told, mut off_circle) = (Told::default(), None);
+        let ending = in_memory(&self.machine, &self.motion, &script, &mut told, |record, truth| {
+            witness.see(record, truth);
             if record.timing.scheduled >= Moment::ZERO + at {
-                off_circle = Some(further(off_circle.unwrap_or_default(), distance(rack)));
+                off_circle = Some(further(off_circle.unwrap_or_default(), distance(truth)));
             }
         });
-        Run { at, axis, evidence: witness.finish(ending), off_circle }
+        let old_command_cycles = told.old_command_cycles.into_iter().max().unwrap_or(0);
+        Run { at, axis, evidence: witness.finish(ending), off_circle, old_command_cycles }
     }
 
     /// By name, so that a case more changes none of the others.
@@ -224,10 +232,45 @@ impl Survey {
     }
 }
 
+/// What the machine at hand tells beside its records: its truth, and on which commands it acts.
+#[derive(Debug, Default)]
+struct Told {
+    old_command_cycles: [u64; AXES_MAX],
+}
+
+impl Truths<Wired> for Told {
+    type Error = Infallible;
+
+    fn learn(&mut self, bus: &Wired, cycle: u64, known: &mut VecDeque<Truth>) -> Result<(), Infallible> {
+        let truths = bus.rack().truths();
+        for ((axis, truth), old) in truths.iter().zip(&mut self.old_command_cycles) {
+            // At a SYNC it is the command of the cycle before that acts, wherever it was taken.
+            let acting = bus.rack().acting_command(axis);
+            let age = acting.map_or(0, |acting| (cycle as u8).wrapping_sub(acting));
+            *old += u64::from(truth.current != Current::ZERO && age > 1);
+        }
+        known.push_back(Some(truths));
+        Ok(())
+    }
+}
+
+/// One run; `see` is shown each cycle of it, and the truth.
+fn in_memory(
+    machine: &Machine,
+    motion: &Motion,
+    script: &Script,
+    told: &mut Told,
+    mut see: impl FnMut(&CycleRecord, &Truth),
+) -> Ending {
+    let mut bus = Wired::new(machine.rack(script.seed).with_script(script));
+    let Ok(ending) = stage::run(machine, motion, &mut bus, told, |record, _, truth| see(record, truth));
+    ending
+}
+
 /// How far the axes are from the circle.
-fn distance(rack: &Rack) -> Position {
-    let [x, y] = [AxisId::X, AxisId::Y].map(|axis| rack.sensed(axis).as_m());
-    Position::m((libm::hypot(x, y) - RADIUS.as_m()).abs())
+fn distance(truth: &Truth) -> Position {
+    let place = |axis| truth.as_ref().map_or(Position::ZERO, |truth| truth[axis].position).as_m();
+    Position::m((libm::hypot(place(AxisId::X), place(AxisId::Y)) - RADIUS.as_m()).abs())
 }
 
 fn further(most: Position, own: Position) -> Position {

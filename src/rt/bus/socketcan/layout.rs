@@ -59,6 +59,15 @@ pub(super) fn encode(frame: &Frame) -> Option<Raw> {
     Some(raw)
 }
 
+/// The kernel's layout of a report, as the driver of a controller hands it up; `None` for any other frame.
+pub(super) fn encode_report(frame: &Frame) -> Option<Raw> {
+    let details: &[u8; 8] = frame.payload_of().filter(|_| frame.format() == Format::Report)?;
+    let mut raw = encode(&Frame::classic(frame.id(), *details))?;
+    let flagged = (u32::from(frame.id().raw()) | REPORT).to_ne_bytes();
+    raw.bytes.iter_mut().zip(flagged).for_each(|(to, from)| *to = from);
+    Some(raw)
+}
+
 /// The frame in a layout of the kernel.
 pub(super) fn decode(raw: &Raw) -> Option<Frame> {
     let (&[a, b, c, d, length, flags, _, _], payload) = raw.bytes.split_first_chunk()?;
@@ -117,12 +126,15 @@ mod tests {
     }
 
     #[test]
-    fn a_report_is_heard_and_never_sent() {
+    fn a_report_is_heard_and_sent_only_by_who_plays_a_controller() {
         let report = Frame::report(Id::from_low_bits(0x040), [1, 2, 3, 4, 5, 6, 7, 8]);
         assert!(encode(&report).is_none());
         let mut raw = encode(&Frame::classic(report.id(), [1, 2, 3, 4, 5, 6, 7, 8])).unwrap();
         raw.bytes[..4].copy_from_slice(&(0x040 | REPORT).to_ne_bytes());
         assert_eq!(decode(&raw), Some(report));
+        let played = encode_report(&report).unwrap();
+        assert_eq!((played.bytes, played.length), (raw.bytes, raw.length));
+        assert!(encode_report(&Frame::classic(report.id(), [0; 8])).is_none());
     }
 
     #[test]

@@ -20,7 +20,7 @@ use crate::rt::bus::Id;
 /// the controller, missing acknowledge, bus-off, bus error, restarted.
 const REPORTS: u32 = 0x001 | 0x004 | 0x020 | 0x040 | 0x080 | 0x100;
 
-/// Room for received frames that is asked for, in bytes: over a thousand frames. The default holds less than
+/// Room for received frames that is asked for, in bytes: over two thousand frames. The default holds less than
 /// 300 and drops the rest.
 const RECEIVE_BUFFER_BYTES: libc::c_int = 1 << 20;
 
@@ -76,6 +76,15 @@ pub enum OpenError {
         interface: String,
         /// Largest frame, in bytes.
         mtu: u32,
+    },
+    /// Reports were to be sent.
+    #[error(
+        "interface {interface} is not a vcan: reports of its controller cannot be played, so no scenario in which \
+         the host's controller fails"
+    )]
+    HasController {
+        /// Its name.
+        interface: String,
     },
     /// Anything else.
     #[error("interface {interface}: {attempt}: {cause}")]
@@ -157,8 +166,9 @@ impl Attempt {
     }
 }
 
-/// Binds a socket to the interface of this name. Neither waits nor allocates, so that a bus can be attached
-/// again while the cycle runs.
+/// Binds a socket to the interface of this name. Allocates nothing, so that a bus can be attached again while the
+/// cycle runs. Filters and binding take the kernel's lock of its network configuration, and wait for whoever
+/// adds or removes interfaces meanwhile.
 pub(super) fn attach(socket: &CanSocket, interface: &str, filters: &[u8]) -> Result<(), (Attempt, Errno)> {
     let errno = |cause: io::Error| cause.raw_os_error().map_or(Errno::UnknownErrno, Errno::from_raw);
     let index = if_nametoindex(interface).map_err(|errno| (Attempt::Find, errno))?;
@@ -169,6 +179,17 @@ pub(super) fn attach(socket: &CanSocket, interface: &str, filters: &[u8]) -> Res
         .map_err(|cause| (Attempt::Filter, errno(cause)))?;
     let address = CanAddr::new(index);
     socket.as_raw_socket().bind(&address.into()).map_err(|cause| (Attempt::Bind, errno(cause)))
+}
+
+/// Whether the interface of this name, with its place in `/sys/class/net`, is a virtual one without controller.
+/// Only a `vcan` by name and place is taken for virtual: an adapter on a serial line (slcan) has no device
+/// either, and one that does not exist may come back with a machine behind it.
+pub fn is_virtual(place: &std::path::Path, name: &str) -> bool {
+    let place = place.canonicalize().unwrap_or_default();
+    let mut steps = place.components().map(|step| step.as_os_str());
+    name.starts_with("vcan")
+        && steps.any(|step| step == "devices")
+        && steps.next().is_some_and(|step| step == "virtual")
 }
 
 /// Largest frame of an interface, in bytes.
