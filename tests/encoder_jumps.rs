@@ -1,6 +1,7 @@
 //! Promise: a position that jumps further than a motor can move is found in the cycle in which it comes, and
 //! what stays unseen is no larger than docs/faults/11-encoder-jump.md says. No machine that is sound shows
-//! one: not at the drive's peak current, not with lost samples, not with a coarse encoder.
+//! one: not at the drive's peak current, not with lost samples, not with a coarse encoder. Nor is a sound
+//! encoder ever taken for one that stands.
 
 mod common;
 
@@ -137,4 +138,30 @@ fn stays_sound(name: &str, machine: Machine, every: u64) {
         fastest_mm_per_s = fastest_mm_per_s.max(rig.state(X).motor_velocity.abs().as_mm_per_s());
     }
     assert!(fastest_mm_per_s > every.min(20) as f64, "{name}: {fastest_mm_per_s} mm/s, it was not thrown");
+}
+
+#[test]
+fn no_sound_encoder_is_taken_for_one_that_stands() {
+    for (machine, fine) in MACHINES {
+        for (what, edits) in SOUND {
+            // The second is as coarse as can be judged: eight counts are what 2 A wind up.
+            for encoder in [fine, "counts-per-rev = 11000", "counts-per-rev = 40000"] {
+                let edits: Vec<_> = edits.iter().copied().chain([(fine, encoder)]).collect();
+                let mut rig = Rig::new(machine_with(machine, &edits), 3);
+                rig.enable();
+                // Fast, hardly at all, and standing while the integral winds the screw up.
+                for (place_mm, speed_mm_per_s) in
+                    [(20.0, 100.0), (19.9, 0.3), (20.0, 2.0), (20.0, 2.0), (0.0, 150.0)]
+                {
+                    let order = rig.line_to(place_mm, speed_mm_per_s);
+                    rig.order(order);
+                    for _ in 0..2_000 {
+                        rig.step();
+                        assert_eq!(rig.axis(X).fault, None, "{machine}, {what}, {encoder}: to {place_mm} mm");
+                    }
+                }
+                assert!(rig.state(X).motor_position.as_mm().abs() < 15.0, "{machine}: it has not moved");
+            }
+        }
+    }
 }

@@ -6,6 +6,7 @@ mod logs;
 mod on_bus;
 mod peer;
 mod realtime;
+mod survey;
 
 use std::path::{Path, PathBuf};
 
@@ -33,6 +34,8 @@ pub(super) struct Arguments {
 enum Verb {
     /// Run scenarios, in memory or over a CAN interface, and judge them
     Run(Run),
+    /// Let every kind of fault strike at many moments of a circle, and tell what became of each
+    Survey(survey::Arguments),
 }
 
 #[derive(Debug, Args)]
@@ -78,6 +81,7 @@ struct PrintedAll<'a> {
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     match &arguments.verb {
         Verb::Run(arguments) => run_scenarios(arguments),
+        Verb::Survey(arguments) => survey::run(arguments),
     }
 }
 
@@ -89,10 +93,7 @@ fn run_scenarios(arguments: &Run) -> anyhow::Result<Outcome> {
     );
     // All of them are read before the first is run.
     let scenarios = arguments.files.iter().map(|file| load_scenario(file)).collect::<Result<Vec<_>, _>>()?;
-    let bar = ProgressBar::new(scenarios.len() as u64);
-    if let Ok(style) = ProgressStyle::with_template("{msg} {wide_bar} {pos} of {len}  left {eta}") {
-        bar.set_style(style);
-    }
+    let bar = progress(scenarios.len());
     let mut printed = Vec::new();
     for (file, scenario) in arguments.files.iter().zip(&scenarios) {
         bar.set_message(scenario.name.clone());
@@ -110,6 +111,14 @@ fn run_scenarios(arguments: &Run) -> anyhow::Result<Outcome> {
         print_text(&table(&printed, unmet))?;
     }
     Ok(if unmet == 0 { Outcome::Done } else { Outcome::NotDone })
+}
+
+fn progress(runs: usize) -> ProgressBar {
+    let bar = ProgressBar::new(runs as u64);
+    if let Ok(style) = ProgressStyle::with_template("{msg} {wide_bar} {pos} of {len}  left {eta}") {
+        bar.set_style(style);
+    }
+    bar
 }
 
 fn run_one(arguments: &Run, file: &Path, scenario: &Scenario) -> anyhow::Result<hil::Outcome> {

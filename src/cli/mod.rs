@@ -1,7 +1,7 @@
 //! The verbs of the tool, one file each. Results go to stdout, talk to stderr.
 //!
 //! Exit codes: 0 done; 1 done, but something is missing (records lost, report not written, a log cut
-//! off); 2 not done (bad input, a fault, interrupted).
+//! off) or was found (a survey); 2 not done (bad input, a fault, interrupted).
 //! Invariant: no arithmetic here; what is printed was computed below.
 
 mod check;
@@ -28,7 +28,7 @@ use crate::run::VERSION;
 #[derive(Debug, Parser)]
 #[command(name = "quadrant", version = VERSION, about, max_term_width = 100)]
 #[command(after_help = "Exit codes: 0 done; 1 done, but something is missing (records lost, report not \
-written, log cut off); 2 not done (bad input, a fault, interrupted).")]
+written, log cut off) or was found (a survey); 2 not done (bad input, a fault, interrupted).")]
 struct Arguments {
     #[command(subcommand)]
     verb: Verb,
@@ -74,7 +74,7 @@ impl PaceName {
 enum Outcome {
     /// As asked.
     Done,
-    /// Something is missing; it was said on stderr.
+    /// Something is missing, or was found; it was said on stderr.
     Incomplete,
     /// Not as asked; it was said on stderr.
     NotDone,

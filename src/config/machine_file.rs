@@ -172,15 +172,6 @@ fn axis(section: Section<'_>, cycle: &Cycle, sets: &[String], shelf: &Shelf<'_>)
         friction: friction(section.section("friction")),
         actuator,
     };
-    let control = control::Settings {
-        tick: cycle.period,
-        position_every: cycle.position_every,
-        axis: plant,
-        limits: limits(section.section("limits")),
-        gain_sets: gain_sets(&section, cycle, sets),
-        gain_set_count: sets.len().min(GAIN_SETS_MAX) as u8,
-    };
-    section.close();
     let scale = AxisScale::new(&ScaleSettings {
         lead: Position::m(plant.mechanics.lead_m),
         motor_counts_per_rev: sheet.motor_counts_per_rev,
@@ -188,6 +179,16 @@ fn axis(section: Section<'_>, cycle: &Cycle, sets: &[String], shelf: &Shelf<'_>)
         table_counts_per_mm: (sheet.table_counts_per_mm > 0).then_some(sheet.table_counts_per_mm),
         table_sense: senses.1,
     });
+    let control = control::Settings {
+        tick: cycle.period,
+        position_every: cycle.position_every,
+        axis: plant,
+        resolution: scale.motor_resolution(),
+        limits: limits(section.section("limits")),
+        gain_sets: gain_sets(&section, cycle, sets),
+        gain_set_count: sets.len().min(GAIN_SETS_MAX) as u8,
+    };
+    section.close();
     Axis { node, sheet, scale, feedback_latency, velocity_estimate, current_noise, plant, control }
 }
 

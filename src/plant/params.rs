@@ -59,6 +59,14 @@ impl Mechanics {
     pub fn torque_for_force(&self, force: Force) -> Torque {
         Torque::nm(force.as_n() / self.force_per_torque())
     }
+    /// Force on the table that a torque balances.
+    pub fn force_of_torque(&self, torque: Torque) -> Force {
+        Force::n(torque.as_nm() * self.force_per_torque())
+    }
+    /// Acceleration of motor, screw and table together by a torque.
+    pub fn acceleration_by_torque(&self, torque: Torque) -> Acceleration {
+        Acceleration::m_per_s2(torque.as_nm() / self.total_inertia_kg_m2() * self.travel_per_rad_m())
+    }
     /// Torque that accelerates motor, screw and table together.
     pub fn torque_for_acceleration(&self, acceleration: Acceleration) -> Torque {
         Torque::nm(self.total_inertia_kg_m2() * acceleration.as_m_per_s2() / self.travel_per_rad_m())

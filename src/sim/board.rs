@@ -73,6 +73,8 @@ struct Commanded {
     /// Waits for the next SYNC, if the sheet says so.
     waiting: Option<RawCommand>,
     current: CurrentCounts,
+    /// Cycle of the command that acts.
+    cycle: Option<u8>,
     control_word: u16,
     is_saturated: bool,
     /// Of the last command heard.
@@ -156,6 +158,11 @@ impl Board {
             | DriveState::FaultReactionActive
             | DriveState::Fault => CurrentCounts::ZERO,
         }
+    }
+    /// Low byte of the cycle of the command that acts, which is what every layout carries; `None` before the
+    /// first.
+    pub const fn acting_command(&self) -> Option<u8> {
+        self.command.cycle
     }
     /// State of the drive.
     pub const fn drive(&self) -> DriveState {
@@ -251,6 +258,7 @@ impl Board {
 
     fn apply(&mut self, raw: RawCommand, now: Moment) {
         self.watchdog.fed = now;
+        self.command.cycle = Some(raw.cycle as u8);
         self.command.current = raw.current.clamp_abs(self.peak_current());
         self.command.is_saturated = raw.current != self.command.current;
         self.step_drive(raw.control_word);

@@ -114,6 +114,11 @@ impl Rack {
         self.axes[axis.index()].state()
     }
 
+    /// Low byte of the cycle of the command that acts on an axis; `None` before the first.
+    pub fn acting_command(&self, axis: AxisId) -> Option<u8> {
+        self.axes[axis.index()].board.acting_command()
+    }
+
     /// What all axes really do, where a perfect encoder would be latched by a SYNC now.
     pub fn truths(&self) -> PerAxis<AxisTruth> {
         PerAxis::from_fn(self.axes.len(), |axis| self.axes[axis.index()].truth(Span::ZERO))

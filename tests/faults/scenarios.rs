@@ -62,8 +62,8 @@ pub(crate) fn scenarios() -> Vec<Scenario> {
             strikes: Strikes::Creeping,
             break_it: |rig| board(rig).set_encoder_frozen(true),
             mend_it: |rig| board(rig).set_encoder_frozen(false),
-            cycles_max: 120,
-            way_mm_max: 15.0,
+            cycles_max: 15,
+            way_mm_max: 0.3,
             // What was not counted is lost.
             afterwards: Some(Fault::NoResponse),
             ..GENTLE

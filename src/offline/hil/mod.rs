@@ -13,6 +13,7 @@ mod course;
 mod judge;
 mod path;
 mod stage;
+pub mod survey;
 mod witness;
 
 use std::collections::VecDeque;

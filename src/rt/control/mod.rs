@@ -15,6 +15,7 @@ pub mod limits;
 pub mod momentum;
 pub mod position;
 pub mod profile;
+pub mod stillness;
 pub mod velocity_pi;
 
 use crate::base::command::{Limits as Acted, Terms};
@@ -28,6 +29,7 @@ use crate::plant::Parameters;
 use limits::{ACCELERATION_FACTOR, Limits};
 use momentum::Momentum;
 use position::PositionLoop;
+use stillness::Stillness;
 use velocity_pi::VelocityLoop;
 
 /// Most gain sets of an axis.
@@ -53,12 +55,29 @@ pub struct Settings {
     pub position_every: u32,
     /// The control's own idea of the axis.
     pub axis: Parameters,
+    /// Travel for one count of its motor encoder.
+    pub resolution: Position,
     /// Bounds.
     pub limits: Limits,
     /// Gain sets, by number.
     pub gain_sets: [Gains; GAIN_SETS_MAX],
     /// How many of them there are.
     pub gain_set_count: u8,
+}
+
+impl Settings {
+    /// Acceleration above which a motion is none of this axis: its encoder jumped.
+    pub fn acceleration_bound(&self) -> Acceleration {
+        self.axis.motor_acceleration_max() * ACCELERATION_FACTOR
+    }
+
+    /// Largest jump between two ticks that may pass for a motion: all that the bound allows, against all that
+    /// the motor does meanwhile.
+    pub fn unseen_jump(&self) -> Position {
+        let acceleration = self.acceleration_bound() + self.axis.motor_acceleration_max();
+        let tick_s = self.tick.as_s();
+        Position::m(acceleration.as_m_per_s2() * tick_s * tick_s)
+    }
 }
 
 /// What the loops answer.
@@ -83,6 +102,7 @@ pub struct AxisLoop {
     position: PositionLoop,
     velocity: VelocityLoop,
     momentum: Momentum,
+    stillness: Stillness,
     velocity_command: Velocity,
     velocity_error_rad_per_s: f64,
     held_velocity: Acted,
@@ -108,6 +128,7 @@ impl AxisLoop {
             position: PositionLoop::default(),
             velocity: VelocityLoop::new(&gains.velocity, settings.tick),
             momentum: Momentum::new(&settings.axis, &settings.limits),
+            stillness: Stillness::new(&settings.axis, &settings.limits, settings.resolution, settings.tick),
             velocity_command: Velocity::ZERO,
             velocity_error_rad_per_s: 0.0,
             held_velocity: Acted::NONE,
@@ -118,7 +139,7 @@ impl AxisLoop {
             gain_set: 0,
             rad_per_m: 1.0 / settings.axis.mechanics.travel_per_rad_m(),
             torque_bound: settings.axis.actuator.torque(settings.limits.current),
-            acceleration_bound: settings.axis.motor_acceleration_max() * ACCELERATION_FACTOR,
+            acceleration_bound: settings.acceleration_bound(),
         }
     }
 
@@ -144,11 +165,16 @@ impl AxisLoop {
         match limits.violation(sample, self.position.expected_position(), self.reach) {
             // Travel is ramped out under control, which an axis that does not answer has not; and that it does
             // not is the cause of its following error.
-            None | Some(Fault::Travel | Fault::FollowingError) if self.momentum.is_unanswered() => {
+            None | Some(Fault::Travel | Fault::FollowingError) if self.is_unanswered() => {
                 Some(Fault::NoResponse)
             }
             found => found,
         }
+    }
+
+    /// Whether the encoder does not show what the current does.
+    const fn is_unanswered(&self) -> bool {
+        self.momentum.is_unanswered() || self.stillness.is_unanswered()
     }
 
     /// Where the axis should be by now, whatever disturbs it.
@@ -162,6 +188,7 @@ impl AxisLoop {
         self.position.reset(sample.position);
         self.velocity.reset();
         self.momentum.reset();
+        self.stillness.reset();
         self.reach = self.settings.limits.reach_from(sample.position);
         self.velocity_command = sample.velocity.clamp_abs(self.settings.limits.velocity);
         self.velocity_error_rad_per_s = 0.0;
@@ -244,6 +271,7 @@ impl AxisLoop {
         self.periods_since_step = 0;
         let torque = self.settings.axis.actuator.torque(sample.current);
         self.momentum.step(sample, torque, self.position.expected_velocity(), since_s);
+        self.stillness.step(sample);
     }
 
     fn position_tick(&mut self, gains: &position::Gains, setpoint: &Setpoint, sample: &Sample) {

@@ -116,14 +116,14 @@ impl Momentum {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::base::sample::Freshness;
     use crate::base::units::{Current, Force};
     use crate::plant::{Actuator, Mechanics, Plant, friction};
 
     const TICK_S: f64 = 500e-6;
-    const LIMITS: Limits = Limits {
+    pub(in crate::rt::control) const LIMITS: Limits = Limits {
         travel_min: Position::mm(-100.0),
         travel_max: Position::mm(100.0),
         travel_margin: Position::mm(2.0),
@@ -134,7 +134,7 @@ mod tests {
         standstill: Velocity::mm_per_s(0.5),
     };
 
-    fn axis() -> Parameters {
+    pub(in crate::rt::control) fn axis() -> Parameters {
         Parameters {
             mechanics: Mechanics {
                 mass_kg: 335.0,

@@ -11,15 +11,20 @@
 //! The times are those of the board's clock, so neither a late SYNC nor a lost sample is a bend.
 //! Invariant: whatever the times are, a motion that stays below an acceleration shows no greater one.
 
-use crate::base::units::{Acceleration, Position};
+use crate::base::units::{Acceleration, Position, Velocity};
 
 /// The board tells its time in whole microseconds: a latch is up to one from what it says.
 const LATCH_S: f64 = 1e-6;
 
+/// How far a position may be from where the axis was at the time that comes with it.
+pub fn doubt(resolution: Position, speed: Velocity) -> Position {
+    resolution + Position::m(speed.as_m_per_s().abs() * LATCH_S)
+}
+
 /// The last positions of an axis.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Bend {
-    resolution_m: f64,
+    resolution: Position,
     last_m: Option<f64>,
     /// From the position before the last to the last: speed and time.
     last_step: Option<(f64, f64)>,
@@ -28,7 +33,7 @@ pub(super) struct Bend {
 impl Bend {
     /// Of positions with this resolution.
     pub(super) const fn new(resolution: Position) -> Self {
-        Self { resolution_m: resolution.as_m(), last_m: None, last_step: None }
+        Self { resolution, last_m: None, last_step: None }
     }
 
     /// The time to the next position is not known: begin anew.
@@ -47,9 +52,9 @@ impl Bend {
         };
         let off_m = ((speed_m_per_s - before_m_per_s) * since_s).abs();
         let fastest_m_per_s = speed_m_per_s.abs().max(before_m_per_s.abs());
-        let doubt_m = (self.resolution_m + fastest_m_per_s * LATCH_S) * (1.0 + since_s / before_s);
+        let doubt = doubt(self.resolution, Velocity::m_per_s(fastest_m_per_s)) * (1.0 + since_s / before_s);
         let reach_s2 = 0.5 * since_s * (before_s + since_s);
-        Acceleration::m_per_s2((off_m - doubt_m).max(0.0) / reach_s2)
+        Acceleration::m_per_s2((off_m - doubt.as_m()).max(0.0) / reach_s2)
     }
 }
 

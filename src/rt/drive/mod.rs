@@ -13,7 +13,7 @@
 //! Invariant: what stands in a [`Sample`] as fresh was latched by this cycle's SYNC. After
 //! commissioning nothing is allocated, and time comes as an argument.
 
-mod bend;
+pub mod bend;
 mod board_clock;
 pub mod commission;
 mod halves;
