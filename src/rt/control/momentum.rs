@@ -1,6 +1,6 @@
-//! Does the motor move as its current makes it (fault 20)? An encoder that stands still, a coupling that slips and an
-//! axis that is blocked all look like a loop that pushes and gets no answer; a following error tells them
-//! only once the axis should have been elsewhere, which is late where it should be slow.
+//! Does the motor move as its current makes it (fault 20)? An encoder that stands still, a coupling that slips
+//! and an axis that is blocked all look like a loop that pushes and gets no answer; a following error tells
+//! them only once the axis should have been elsewhere, which is late where it should be slow.
 //!
 //! ```text
 //!   g  =  g + T h / J - (v - v_before)      what the torque should have added to the speed, and did not

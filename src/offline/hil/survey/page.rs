@@ -56,7 +56,7 @@ fn carried_on(lines: &[Line]) -> String {
         let axis = run.axis.as_ref().map_or("the bus".to_owned(), |axis| format!("axis {axis}"));
         let _infallible = writeln!(
             text,
-            "* {} ({}) on {axis} at {} s: {}, {} um wrong, {} um may stay unseen",
+            "* {} ({}) on {axis} at {:.4} s: {}, {} um wrong, {} um may stay unseen",
             run.fault,
             run.how,
             run.at_s,
