@@ -24,6 +24,7 @@ pub(crate) fn machine(folder: &Path, period: Span) -> PathBuf {
             ("position-loop-every-cycles = 4", "position-loop-every-cycles = 1".to_owned()),
             ("reply-window-us = 300", format!("reply-window-us = {}", us * 7 / 10)),
             ("stale-cycles-max = 2", "stale-cycles-max = 15".to_owned()),
+            ("pause-cycles-max = 8 ", "pause-cycles-max = 20 ".to_owned()),
             ("heartbeat-timeout-ms = 350", "heartbeat-timeout-ms = 3000".to_owned()),
             ("overrun-misses-max = 60", "overrun-misses-max = 200".to_owned()),
             ("overrun-drain-cycles = 50", "overrun-drain-cycles = 10".to_owned()),
