@@ -82,6 +82,8 @@ fn late_cycles_are_counted_and_never_caught_up_in_a_burst() {
             assert_eq!(record.timing.scheduled, grid, "cycle {} left the grid", record.cycle);
             let late = record.timing.woke - grid;
             assert!(late >= Span::ZERO, "cycle {} ran before its slot", record.cycle);
+            let whole = (record.timing.wake_error() - late).as_ns();
+            assert!(whole >= 0 && whole % PERIOD.as_ns() == 0, "cycle {}: {:?}", record.cycle, record.timing);
             assert!(
                 late < PERIOD,
                 "cycle {} ran {} us late, in the slot of another",

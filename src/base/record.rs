@@ -9,7 +9,7 @@ use super::command::Command;
 use super::fault::Fault;
 use super::sample::Sample;
 use super::setpoint::Setpoint;
-use super::time::Moment;
+use super::time::{Moment, Span};
 
 /// State of an axis without its inner data: what the log and the operator see.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -60,6 +60,8 @@ impl ModeTag {
 pub struct Timing {
     /// When the grid wanted the cycle to start.
     pub scheduled: Moment,
+    /// The place on the grid that the thread slept for: before `scheduled` if it overslept whole periods.
+    pub awaited: Moment,
     /// When it started.
     pub woke: Moment,
     /// When it had received all it would.
@@ -71,10 +73,16 @@ pub struct Timing {
 }
 
 impl Timing {
+    /// How long after the place on the grid that it slept for the thread ran, whole periods included.
+    pub fn wake_error(&self) -> Span {
+        self.woke - self.awaited
+    }
+
     /// A cycle that takes no time, as in virtual time.
     pub const fn at(scheduled: Moment) -> Self {
         Self {
             scheduled,
+            awaited: scheduled,
             woke: scheduled,
             collected: scheduled,
             decided: scheduled,

@@ -18,7 +18,7 @@ use crate::base::units::{Acceleration, Current, Position, Torque, Velocity};
 use super::cdr::{Decoder, Sink, Wire};
 
 /// Version of the log format: of the tables in this file and of the header's keys.
-pub const VERSION: u32 = 4;
+pub const VERSION: u32 = 5;
 /// Where the cycles are.
 pub const TOPIC: &str = "/cycle";
 /// Name of their schema.
@@ -159,6 +159,7 @@ macro_rules! table {
 table!(CycleRecord as CYCLE_FIELDS, put_cycle, take_cycle {
     cycle: u64 ["-"] = cycle, "number of the period on the grid since start; gaps are skipped or lost periods";
     scheduled_ns: i64 ["ns"] = timing.scheduled, "when the grid wanted the cycle to start, on the run's clock";
+    awaited_ns: i64 ["ns"] = timing.awaited, "the place on the grid that the thread slept for, before scheduled if it overslept whole periods";
     woke_ns: i64 ["ns"] = timing.woke, "when it started, on the run's clock";
     collected_ns: i64 ["ns"] = timing.collected, "when it had received all it would";
     decided_ns: i64 ["ns"] = timing.decided, "when its commands stood";

@@ -184,7 +184,7 @@ mod tests {
             record.cycle = cycle;
             record.overruns = if cycle < 100 { 0 } else { 3 };
             record.timing.scheduled = Moment::ns(7_000_000) + Span::us(500) * cycle as i64;
-            record.timing.woke = record.timing.scheduled + Span::us(if cycle == 50 { 900 } else { 10 });
+            record.timing.woke = record.timing.awaited + Span::us(if cycle == 50 { 900 } else { 10 });
             record.axes[AxisId::X].mode = if cycle < 10 { ModeTag::Ready } else { ModeTag::Moving };
             record.axes[AxisId::X].command.terms.following_error = Position::um(-(cycle as f64));
             record.axes[AxisId::X].sample.table_position = Position::m(f64::NAN);

@@ -2,7 +2,7 @@
 //!
 //! | share | from | to |
 //! |---|---|---|
-//! | wake-up error | the place on the grid | the thread runs |
+//! | wake-up error | the place on the grid that it slept for | the thread runs |
 //! | collect | the thread runs | all replies are in, or the reply window is over |
 //! | control | all replies are in | the commands stand |
 //! | total | the thread runs | commands sent, record handed over |
@@ -112,7 +112,7 @@ impl Timings {
     /// Counts one more cycle.
     pub fn add(&mut self, record: &CycleRecord) {
         let timing = &record.timing;
-        count(&mut self.wake, timing.woke - timing.scheduled);
+        count(&mut self.wake, timing.wake_error());
         count(&mut self.collect, timing.collected - timing.woke);
         count(&mut self.control, timing.decided - timing.collected);
         // The end of a cycle that was followed by a lost record is not known.
@@ -186,6 +186,7 @@ mod tests {
         let collected = woke + Span::us(took_us[0]);
         let timing = Timing {
             scheduled,
+            awaited: scheduled,
             woke,
             collected,
             decided: collected + Span::us(took_us[1]),
@@ -196,6 +197,13 @@ mod tests {
 
     #[test]
     fn each_share_is_counted_where_it_ends() {
+        let mut timings = Timings::default();
+        // Overslept by two periods and a bit: 1.02 ms late, not 20 us.
+        let mut late = record(7, 20, [100, 3], 0);
+        late.timing.awaited = Moment::ZERO + Span::us(500) * 5;
+        timings.add(&late);
+        assert!((Percentiles::of(&timings.wake).max_us / 1_020.0 - 1.0).abs() < 2e-3);
+
         let mut timings = Timings::default();
         // The wake-up of each cycle is 10 us late, so its total is 10 us less than its end on the grid.
         timings.add(&record(0, 10, [100, 3], 0));

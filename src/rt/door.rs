@@ -105,7 +105,7 @@ impl Records for RecordRing {
         }
         self.cycles.fetch_add(1, Ordering::Relaxed);
         self.overruns.store(record.overruns, Ordering::Relaxed);
-        let wake_error = record.timing.woke - record.timing.scheduled;
+        let wake_error = record.timing.wake_error();
         if wake_error > self.wake_error_max {
             self.wake_error_max = wake_error;
             self.wake_error_ns_max.store(wake_error.as_ns().unsigned_abs(), Ordering::Relaxed);
@@ -140,7 +140,7 @@ mod tests {
         let (mut near, far) = record_ring(8);
         for late_us in [3, 40, 7] {
             let mut record = CycleRecord::empty(2);
-            record.timing.woke = record.timing.scheduled + Span::us(late_us);
+            record.timing.woke = record.timing.awaited + Span::us(late_us);
             near.put(&record, &Inputs::default());
         }
         assert_eq!(far.wake_error_ns_max.load(Ordering::Relaxed), 40_000);

@@ -84,6 +84,7 @@ pub(crate) fn record(axes: usize, cycle: u64) -> CycleRecord {
         cycle,
         timing: Timing {
             scheduled: at,
+            awaited: at,
             woke: at + Span::us(3),
             collected: at + Span::us(95),
             decided: at + Span::us(97),

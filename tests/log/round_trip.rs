@@ -37,9 +37,9 @@ fn what_was_written_is_read() {
 
 /// Every bit pattern of every field, in every number of axes.
 fn any_record() -> impl Strategy<Value = CycleRecord> {
-    let timing = any::<[i64; 5]>().prop_map(|ns| {
-        let [scheduled, woke, collected, decided, previous_finished] = ns.map(Moment::ns);
-        Timing { scheduled, woke, collected, decided, previous_finished }
+    let timing = any::<[i64; 6]>().prop_map(|ns| {
+        let [scheduled, awaited, woke, collected, decided, previous_finished] = ns.map(Moment::ns);
+        Timing { scheduled, awaited, woke, collected, decided, previous_finished }
     });
     let stage = (any::<u32>(), any::<bool>()).prop_map(|(motion, is_measured)| Stage { motion, is_measured });
     let axes = (1..=AXES_MAX, proptest::array::uniform3(any_axis()));

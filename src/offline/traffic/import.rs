@@ -317,7 +317,7 @@ impl<R: Read> Import<R> {
         record.timing = if self.is_lock_step {
             Timing::at(begin.at)
         } else {
-            Timing { scheduled: begin.at, woke: begin.at, collected, decided, previous_finished }
+            Timing { collected, decided, previous_finished, ..Timing::at(begin.at) }
         };
         record.cycle = begin.cycle;
         record.overruns = self.count.overruns(begin.cycle, sequence);

@@ -105,8 +105,8 @@ fn sleep_through<T>(mut sleep: impl FnMut() -> Result<T, Errno>) {
 
 impl Pace for Wall {
     fn wait(&mut self) -> Slot {
-        let scheduled = self.skip(monotonic_now());
-        let until = TimeSpec::new(scheduled.as_ns() / 1_000_000_000, scheduled.as_ns() % 1_000_000_000);
+        let awaited = self.skip(monotonic_now());
+        let until = TimeSpec::new(awaited.as_ns() / 1_000_000_000, awaited.as_ns() % 1_000_000_000);
         let sleep = || clock_nanosleep(ClockId::CLOCK_MONOTONIC, ClockNanosleepFlags::TIMER_ABSTIME, &until);
         sleep_through(sleep);
         let woke = monotonic_now();
@@ -115,6 +115,7 @@ impl Pace for Wall {
         let since_origin = |moment: Moment| Moment::ZERO + (moment - self.origin);
         let timing = Timing {
             scheduled: since_origin(scheduled),
+            awaited: since_origin(awaited),
             woke: since_origin(woke),
             collected: since_origin(woke),
             decided: since_origin(woke),

@@ -28,7 +28,7 @@ pub fn rehearse(pace: &mut impl Pace, periods: u64) -> Rehearsal {
     let (mut overruns, mut wake_error_max) = (0, Span::ZERO);
     for _ in 0..periods {
         let slot = pace.wait();
-        wake_error_max = wake_error_max.max(slot.timing.woke - slot.timing.scheduled);
+        wake_error_max = wake_error_max.max(slot.timing.wake_error());
         overruns = slot.overruns;
         pace.finish();
     }
