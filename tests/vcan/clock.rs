@@ -21,8 +21,8 @@ use crate::slow::{self, CIRCLE};
 
 /// How far a figure may be from that of the run in memory, um.
 const OFF_UM_MAX: f64 = 0.3;
-/// Cycles in a thousand that may be skipped or without fresh feedback in a run that kept up.
-const MISSED_PER_THOUSAND: u64 = 4;
+/// Cycles in a thousand that may be skipped, or samples without fresh feedback, in a run that kept up.
+const MISSED_PER_THOUSAND: u64 = 5;
 
 /// The simulated machine on the wall clock.
 fn live(interface: &Interface, machine: &Path) -> Machine {
@@ -63,7 +63,8 @@ fn run_at(interface: &Interface, machine: &Path) -> Result<[f64; 2], String> {
 #[test]
 fn a_circle_on_the_clock_shows_what_it_shows_in_memory_at_the_fastest_rate_that_is_held() {
     let Some(interface) = Interface::new() else { return };
-    for period in [2, 4, 10].map(Span::ms) {
+    // The slower ones twice: somebody else's work may have come between.
+    for period in [2, 4, 4, 10, 10].map(Span::ms) {
         let rate = 1.0 / period.as_s();
         let folder = TempDir::new().unwrap();
         let machine = slow::machine(folder.path(), period);
