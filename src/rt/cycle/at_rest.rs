@@ -22,18 +22,30 @@ pub(super) struct AtRest {
 }
 
 impl AtRest {
-    /// A cycle: whether an axis wants its drive, and whether all have settled, as far as it is known.
-    pub(super) fn see(&mut self, wants_drive: bool, have_settled: Option<bool>, now: Moment, patience: Span) {
+    /// A cycle: whether an axis wants its drive, and whether each has settled, as far as it is known. While one
+    /// wants its drive nobody asks for the second.
+    pub(super) fn see(
+        &mut self,
+        wants_drive: bool,
+        settled: impl Iterator<Item = Option<bool>>,
+        now: Moment,
+        patience: Span,
+    ) {
         if wants_drive {
             *self = Self::default();
             return;
         }
         let since = *self.without_current_since.get_or_insert(now);
-        self.still_for = match have_settled {
-            Some(true) => self.still_for.saturating_add(1),
-            Some(false) => 0,
-            None => self.still_for,
-        };
+        let (mut is_moving, mut is_unknown) = (false, false);
+        settled.for_each(|settled| {
+            is_moving |= settled == Some(false);
+            is_unknown |= settled.is_none();
+        });
+        if is_moving {
+            self.still_for = 0;
+        } else if !is_unknown {
+            self.still_for = self.still_for.saturating_add(1);
+        }
         self.is_over = self.still_for >= STILL_CYCLES || now - since > patience;
     }
 
@@ -64,7 +76,9 @@ mod tests {
     fn cycles(wants_drive: impl Fn(i64) -> bool, has_settled: impl Fn(i64) -> Option<bool>) -> i64 {
         let mut at_rest = AtRest::default();
         let see = |at_rest: &mut AtRest, cycle: i64| {
-            at_rest.see(wants_drive(cycle), has_settled(cycle), Moment::ZERO + Span::ms(cycle), PATIENCE);
+            // The other axis stands all the while.
+            let settled = [Some(true), has_settled(cycle)].into_iter();
+            at_rest.see(wants_drive(cycle), settled, Moment::ZERO + Span::ms(cycle), PATIENCE);
             at_rest.is_over()
         };
         (0..10_000).find(|cycle| see(&mut at_rest, *cycle)).expect("it ends")

@@ -19,7 +19,7 @@ mod seen;
 pub mod standby;
 mod verdict;
 
-use crate::base::axis::{AxisId, PerAxis};
+use crate::base::axis::PerAxis;
 use crate::base::command::{Command, Limits as Acted};
 use crate::base::fault::Fault;
 use crate::base::input::{Input, Inputs, What};
@@ -231,12 +231,10 @@ impl Cycle {
             self.profile.abandon();
         }
         let wants_drive = self.modes.as_slice().iter().any(|mode| mode.wants_drive());
-        let settled = |(axis, axis_loop): (AxisId, &AxisLoop)| {
+        let settled = self.loops.iter().map(|(axis, axis_loop)| {
             at_rest::has_settled(&observed[axis], axis_loop.limits(), self.settings.stale_cycles_max)
-        };
-        let is_any = |state| self.loops.iter().map(settled).any(|settled| settled == state);
-        let have_settled = if is_any(Some(false)) { Some(false) } else { (!is_any(None)).then_some(true) };
-        self.at_rest.see(wants_drive, have_settled, now, self.settings.patience.stopping);
+        });
+        self.at_rest.see(wants_drive, settled, now, self.settings.patience.stopping);
     }
 
     /// Whether no axis has current or moves, as far as it is heard, or one would not come to rest in time.
