@@ -112,7 +112,9 @@ struct UntilOver {
 
 impl Orders for UntilOver {
     fn next(&mut self, last: &CycleRecord) -> Option<Order> {
-        self.course.next(last)
+        let order = self.course.next(last);
+        // A run ends at rest, so a course that does not end by itself is ended.
+        if last.cycle >= self.cycles_max { Some(Order::Disable) } else { order }
     }
     fn is_done(&self, last: &CycleRecord) -> bool {
         if self.course.is_done(last) {
