@@ -106,6 +106,19 @@ fn late_command(cycle: u32) -> Moment {
     jittered(cycle) + Span::us(217)
 }
 
+/// A cycle over boards that are commissioned from the power-on of the rack.
+fn cycle_on(machine: &Machine, bus: &mut impl Bus) -> Cycle {
+    let mut now = POWER_ON;
+    let clock = || {
+        now = now + Span::ms(10);
+        now
+    };
+    let drives = machine.drives().expect("each axis has its board");
+    let drives = drives.commission(bus, CommissionSettings::default(), clock);
+    let drives = drives.expect("boards like their sheets");
+    Cycle::new(machine.cycle_settings(), drives, &machine.control_settings())
+}
+
 /// A circle in both axes over a live rack.
 fn run(
     machine: &Machine,
@@ -114,15 +127,7 @@ fn run(
     command_at: fn(u32) -> Moment,
 ) -> (Vec<CycleRecord>, Vec<Anchor>) {
     let mut bus = Clocked::new(machine.live_rack(7, POWER_ON), sync_at, command_at);
-    let mut now = POWER_ON;
-    let clock = || {
-        now = now + Span::ms(10);
-        now
-    };
-    let drives = machine.drives().expect("each axis has its board");
-    let drives = drives.commission(&mut bus, CommissionSettings::default(), clock);
-    let drives = drives.expect("boards like their sheets");
-    let mut cycle = Cycle::new(machine.cycle_settings(), drives, &machine.control_settings());
+    let mut cycle = cycle_on(machine, &mut bus);
     let test = CircleTest {
         gain_set: 0,
         circles: [Some(motion), None],

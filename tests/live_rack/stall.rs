@@ -6,13 +6,11 @@ use quadrant::base::record::{ModeTag, Timing};
 use quadrant::base::sample::Freshness;
 use quadrant::base::time::{Moment, Span};
 use quadrant::rt::bus::{Bus, Frame, Received, SendError};
-use quadrant::rt::cycle::Cycle;
 use quadrant::rt::cycle::pace::Slot;
 use quadrant::rt::cycle::standby::Standby;
-use quadrant::rt::drive::commission::CommissionSettings;
 
 use crate::common::machine;
-use crate::{Clocked, PERIOD, POWER_ON, on_grid};
+use crate::{Clocked, PERIOD, POWER_ON, cycle_on, on_grid};
 
 /// The cycle whose SYNC is late, and by how much.
 const STALLED: u32 = 1_000;
@@ -43,15 +41,7 @@ impl Bus for Dated {
 fn a_stall_of_more_than_two_periods_before_a_sync_is_no_reset_of_a_board() {
     let machine = machine("reference");
     let mut bus = Dated(Clocked::new(machine.live_rack(7, POWER_ON), stalled, stalled_command));
-    let mut now = POWER_ON;
-    let clock = || {
-        now = now + Span::ms(10);
-        now
-    };
-    let drives = machine.drives().expect("each axis has its board");
-    let drives = drives.commission(&mut bus, CommissionSettings::default(), clock);
-    let drives = drives.expect("boards like their sheets");
-    let mut cycle = Cycle::new(machine.cycle_settings(), drives, &machine.control_settings());
+    let mut cycle = cycle_on(&machine, &mut bus);
     let mut orders = Standby::new(true, Arc::default());
     let (mut number, mut overruns) = (0, 0);
     while number < 1_500 {

@@ -19,6 +19,17 @@ use crate::rig::{CAN_UTILS, Interface, say};
 /// A circle of some seconds of machine time.
 const SMALL: [&str; 6] = ["--radius-mm", "3", "--feed-mm-per-min", "1500", "--direction", "ccw"];
 
+/// A program once it says that it waits for a host, and what more it says.
+#[track_caller]
+pub(crate) fn waiting(command: &mut Command) -> (Child, BufReader<ChildStderr>) {
+    let mut child = command.stderr(Stdio::piped()).spawn().unwrap();
+    let mut said = BufReader::new(child.stderr.take().unwrap());
+    let mut line = String::new();
+    said.read_line(&mut line).unwrap();
+    assert!(line.contains("waiting for a host"), "{line}");
+    (child, said)
+}
+
 /// `hil-sim` on an interface; killed with its value.
 pub(crate) struct Machine {
     child: Child,
@@ -35,17 +46,9 @@ impl Machine {
     pub(crate) fn start_with(interface: &Interface, words: &[&str]) -> Self {
         let program = assert_cmd::cargo::cargo_bin("quadrant").with_file_name("hil-sim");
         assert!(program.exists(), "{} is missing: cargo build -p hil-sim", program.display());
-        let mut child = Command::new(program)
-            .args(["--bus", &interface.name])
-            .args(words)
-            .stdout(Stdio::null())
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let mut said = BufReader::new(child.stderr.take().unwrap());
-        let mut line = String::new();
-        said.read_line(&mut line).unwrap();
-        assert!(line.contains("waiting for a host"), "{line}");
+        let mut program = Command::new(program);
+        let (child, said) =
+            waiting(program.args(["--bus", &interface.name]).args(words).stdout(Stdio::null()));
         Self { child, said }
     }
 

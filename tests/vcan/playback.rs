@@ -1,7 +1,7 @@
 //! Two processes on an interface: the boards of a log, and the tool that is to command them as it did then. And
 //! what `candump` writes of it as a log.
 
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStderr, Command, Output, Stdio};
 use std::time::Instant;
@@ -9,6 +9,7 @@ use std::time::Instant;
 use serde_json::Value;
 use tempfile::TempDir;
 
+use crate::machine::waiting;
 use crate::rig::{Interface, say};
 
 /// A circle of some seconds of machine time.
@@ -23,11 +24,7 @@ struct Waiting {
 impl Waiting {
     #[track_caller]
     fn start(command: &mut Command) -> Self {
-        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-        let mut said = BufReader::new(child.stderr.take().unwrap());
-        let mut line = String::new();
-        said.read_line(&mut line).unwrap();
-        assert!(line.contains("waiting for a host"), "{line}");
+        let (child, said) = waiting(command.stdout(Stdio::piped()));
         Self { child, said }
     }
 

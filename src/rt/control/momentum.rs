@@ -119,8 +119,9 @@ impl Momentum {
 pub(super) mod tests {
     use super::*;
     use crate::base::sample::Freshness;
-    use crate::base::units::{Current, Force};
-    use crate::plant::{Actuator, Mechanics, Plant, friction};
+    use crate::base::units::Current;
+    use crate::plant::Plant;
+    use crate::plant::tests::paper_axis;
 
     const TICK_S: f64 = 500e-6;
     pub(in crate::rt::control) const LIMITS: Limits = Limits {
@@ -135,31 +136,9 @@ pub(super) mod tests {
     };
 
     pub(in crate::rt::control) fn axis() -> Parameters {
-        Parameters {
-            mechanics: Mechanics {
-                mass_kg: 335.0,
-                stiffness_n_per_m: 151e6,
-                damping_n_s_per_m: 73.8e3,
-                inertia_kg_m2: 0.0064,
-                lead_m: 0.01,
-                efficiency: 0.9,
-                backlash_m: 0.0,
-            },
-            friction: friction::Parameters {
-                variant: friction::Variant::Nonlinear,
-                breakaway: Force::n(1127.8),
-                sliding: Force::n(951.3),
-                fall_end: Velocity::mm_per_s(0.5),
-                fall_start: Velocity::mm_per_s(0.1),
-                viscous_n_s_per_m: 0.0,
-            },
-            actuator: Actuator {
-                torque_constant_nm_per_a: 1.0,
-                current_loop_hz: 300.0,
-                dead_time: crate::base::time::Span::ZERO,
-                peak_current: Current::a(25.0),
-            },
-        }
+        let mut axis = paper_axis();
+        axis.actuator.peak_current = Current::a(25.0);
+        axis
     }
 
     fn at(mm_per_s: f64) -> Sample {
