@@ -223,7 +223,7 @@ impl Cycle {
             }
             *mode = next;
         }
-        if self.modes.as_slice().iter().any(|mode| !matches!(mode, Mode::Ready | Mode::Moving)) {
+        if self.modes.as_slice().iter().any(|mode| !matches!(mode, Mode::Ready | Mode::Moving { .. })) {
             self.profile.stop(self.settings.stop_acceleration, now);
         }
         if !self.modes.as_slice().iter().any(|mode| mode.is_energised()) {
@@ -261,7 +261,9 @@ impl Cycle {
             let target = match mode {
                 Mode::Off => self.resets[axis].target(observation.drive),
                 Mode::Faulted { .. } => Target::Disabled,
-                Mode::Enabling { .. } | Mode::Ready | Mode::Moving | Mode::Stopping { .. } => Target::Enabled,
+                Mode::Enabling { .. } | Mode::Ready | Mode::Moving { .. } | Mode::Stopping { .. } => {
+                    Target::Enabled
+                }
             };
             let is_saturated = verdict::is_saturated(observation);
             *command = Command {

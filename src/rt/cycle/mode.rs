@@ -16,6 +16,7 @@
 //!                        └─────────┘ ◄─── fault to cut off: from Ready, Moving, Stopping
 //! ```
 //!
+//! A motion that is over and does not come to rest within the time of a stop is a timeout too.
 //! A fault that loses the reference of the encoder leads from every state, also from Off, to a Faulted
 //! that is never cleared.
 //! Invariant: `next` is pure and total; what a state needs lives in it; a fault never leads to a state
@@ -48,8 +49,11 @@ pub enum Mode {
     },
     /// Enabled, holding position.
     Ready,
-    /// Following a motion.
-    Moving,
+    /// Following a motion, and coming to rest at its end.
+    Moving {
+        /// Since when it is over, if it is.
+        over_since: Option<Moment>,
+    },
     /// Braking along the path.
     Stopping {
         /// Since when.
@@ -122,15 +126,15 @@ impl Mode {
             Self::Ready => match sight.fault {
                 Some(fault) => Self::on_fault(fault, sight.now),
                 None if sight.wish == Wish::Disable => Self::Stopping { since: sight.now, then: Rest::Off },
-                None if sight.motion_is_running => Self::Moving,
+                None if sight.motion_is_running => Self::Moving { over_since: None },
                 None => Self::Ready,
             },
-            Self::Moving => match (sight.fault, sight.wish) {
+            Self::Moving { over_since } => match (sight.fault, sight.wish) {
                 (Some(fault), _) => Self::on_fault(fault, sight.now),
                 (None, Wish::Disable) => Self::Stopping { since: sight.now, then: Rest::Off },
                 (None, Wish::Stop) => Self::Stopping { since: sight.now, then: Rest::Ready },
                 (None, Wish::Nothing | Wish::Enable | Wish::ClearFault) => {
-                    if !sight.motion_is_running && sight.is_standing { Self::Ready } else { Self::Moving }
+                    Self::moving(over_since, sight, patience)
                 }
             },
             Self::Stopping { since, then } => self.stopping(since, then, sight, patience),
@@ -150,7 +154,7 @@ impl Mode {
             Self::Off
             | Self::Enabling { .. }
             | Self::Ready
-            | Self::Moving
+            | Self::Moving { .. }
             | Self::Stopping { .. }
             | Self::Faulted { .. } => Self::Faulted { by: fault },
         }
@@ -167,6 +171,20 @@ impl Mode {
             Self::Faulted { by: Fault::EnableTimeout }
         } else {
             self
+        }
+    }
+
+    /// A loop that oscillates never stands, whatever it follows.
+    fn moving(over_since: Option<Moment>, sight: &Sight, patience: &Patience) -> Self {
+        let since = over_since.unwrap_or(sight.now);
+        if sight.motion_is_running {
+            Self::Moving { over_since: None }
+        } else if sight.is_standing {
+            Self::Ready
+        } else if sight.now - since > patience.stopping {
+            Self::Faulted { by: Fault::StopTimeout }
+        } else {
+            Self::Moving { over_since: Some(since) }
         }
     }
 
@@ -202,13 +220,15 @@ impl Mode {
     pub const fn fault(self) -> Option<Fault> {
         match self {
             Self::Faulted { by } | Self::Stopping { then: Rest::Faulted(by), .. } => Some(by),
-            Self::Off | Self::Enabling { .. } | Self::Ready | Self::Moving | Self::Stopping { .. } => None,
+            Self::Off | Self::Enabling { .. } | Self::Ready | Self::Moving { .. } | Self::Stopping { .. } => {
+                None
+            }
         }
     }
 
     /// Whether the loops act and current may flow.
     pub const fn is_energised(self) -> bool {
-        matches!(self, Self::Ready | Self::Moving | Self::Stopping { .. })
+        matches!(self, Self::Ready | Self::Moving { .. } | Self::Stopping { .. })
     }
 
     /// Whether the drive should be enabled.
@@ -222,7 +242,7 @@ impl Mode {
             Self::Off => ModeTag::Off,
             Self::Enabling { .. } => ModeTag::Enabling,
             Self::Ready => ModeTag::Ready,
-            Self::Moving => ModeTag::Moving,
+            Self::Moving { .. } => ModeTag::Moving,
             Self::Stopping { .. } => ModeTag::Stopping,
             Self::Faulted { .. } => ModeTag::Faulted,
         }
@@ -234,6 +254,7 @@ mod tests {
     use super::*;
 
     const PATIENCE: Patience = Patience { enabling: Span::ms(500), stopping: Span::ms(2000) };
+    const MOVING: Mode = Mode::Moving { over_since: None };
     const CALM: Sight = Sight {
         now: Moment::ns(0),
         wish: Wish::Nothing,
@@ -251,7 +272,7 @@ mod tests {
     fn a_stop_that_overruns_again_is_not_under_control() {
         let overrun = Sight { fault: Some(Fault::Overrun), is_standing: false, ..CALM };
         let moving = Sight { is_standing: false, ..CALM };
-        let stopping = Mode::Moving.next(&overrun, &PATIENCE);
+        let stopping = MOVING.next(&overrun, &PATIENCE);
         assert_eq!(stopping, Mode::Stopping { since: Moment::ZERO, then: Rest::Faulted(Fault::Overrun) });
         let braking = stopping.next(&moving, &PATIENCE);
         assert_eq!(braking, stopping);
@@ -282,7 +303,7 @@ mod tests {
     #[test]
     fn every_fault_ends_without_current() {
         for fault in Fault::ALL {
-            for start in [Mode::Ready, Mode::Moving, Mode::Enabling { since: Moment::ZERO }] {
+            for start in [Mode::Ready, MOVING, Mode::Enabling { since: Moment::ZERO }] {
                 let mut mode = start;
                 let moving = Sight { motion_is_running: true, is_standing: false, ..CALM };
                 mode = mode.next(&Sight { fault: Some(fault), ..moving }, &PATIENCE);
@@ -305,6 +326,19 @@ mod tests {
         let stopping = Mode::Stopping { since: Moment::ZERO, then: Rest::Ready };
         let running = Sight { is_standing: false, ..late(2001) };
         assert_eq!(stopping.next(&running, &PATIENCE), Mode::Faulted { by: Fault::StopTimeout });
+    }
+
+    #[test]
+    fn a_motion_that_is_over_must_come_to_rest_in_time() {
+        let restless = |ms| Sight { is_standing: false, ..late(ms) };
+        let long = MOVING.next(&Sight { motion_is_running: true, ..restless(10_000) }, &PATIENCE);
+        assert_eq!(long, MOVING, "a motion may take its time");
+        let over = long.next(&restless(10_001), &PATIENCE);
+        assert_eq!(over.next(&restless(12_001), &PATIENCE), over);
+        assert_eq!(over.next(&late(12_001), &PATIENCE), Mode::Ready);
+        assert_eq!(over.next(&restless(12_002), &PATIENCE), Mode::Faulted { by: Fault::StopTimeout });
+        let again = over.next(&Sight { motion_is_running: true, ..restless(11_000) }, &PATIENCE);
+        assert_eq!(again, MOVING, "the next motion begins anew");
     }
 
     #[test]

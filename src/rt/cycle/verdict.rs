@@ -89,6 +89,7 @@ mod tests {
     use crate::rt::cycle::mode::Patience;
     use crate::rt::drive::Events;
 
+    const MOVING: Mode = Mode::Moving { over_since: None };
     const SETTINGS: Settings = Settings {
         position_every: 4,
         reply_window: Span::us(250),
@@ -116,8 +117,8 @@ mod tests {
     fn a_jump_is_not_hidden_by_what_is_not_a_number() {
         let broken = Answer { is_not_a_number: true, ..Answer::default() };
         let judge = |is_jump, mode| of_axis(mode, is_jump, &broken, Some(Fault::Overspeed));
-        assert_eq!(judge(true, Mode::Moving), Some(Fault::EncoderJump));
-        assert_eq!(judge(false, Mode::Moving), Some(Fault::NotANumber));
+        assert_eq!(judge(true, MOVING), Some(Fault::EncoderJump));
+        assert_eq!(judge(false, MOVING), Some(Fault::NotANumber));
         assert_eq!(judge(true, Mode::Off), Some(Fault::EncoderJump));
         assert_eq!(judge(false, Mode::Off), None);
     }
