@@ -103,7 +103,8 @@ impl Records for RecordRing {
         } else {
             self.lost.fetch_add(1, Ordering::Relaxed);
         }
-        self.cycles.fetch_add(1, Ordering::Relaxed);
+        // Written here alone.
+        self.cycles.store(self.cycles.load(Ordering::Relaxed) + 1, Ordering::Relaxed);
         self.overruns.store(record.overruns, Ordering::Relaxed);
         let wake_error = record.timing.wake_error();
         if wake_error > self.wake_error_max {

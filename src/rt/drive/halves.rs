@@ -126,15 +126,21 @@ impl Halves {
 
     /// The answer was used.
     pub(super) fn clear(&mut self) {
-        *self = Self { doubtful: self.doubtful, is_used: true, ..Self::default() };
+        self.motor = None;
+        self.table = None;
+        self.is_used = true;
     }
 
     /// The cycle ends: what was not used goes to the inputs.
     pub(super) fn end(&mut self, cycle: u64, inputs: &mut Inputs) -> Doubt {
-        let ended = std::mem::take(self);
-        let motor = ended.motor.map(|kept| (kept.place, kept.received));
-        let table = ended.table.map(|kept| (kept.place, kept.received));
-        let doubtful = ended.doubtful.map(|kept| (kept.place, kept.received));
+        self.is_used = false;
+        if self.motor.is_none() && self.table.is_none() && self.doubtful.is_none() {
+            // Nearly always: what was kept was used.
+            return Doubt::None;
+        }
+        let motor = self.motor.take().map(|kept| (kept.place, kept.received));
+        let table = self.table.take().map(|kept| (kept.place, kept.received));
+        let doubtful = self.doubtful.take().map(|kept| (kept.place, kept.received));
         for (place, received) in [motor, table, doubtful].into_iter().flatten() {
             inputs.push(Input { cycle, what: What::Frame { place, received } });
         }
