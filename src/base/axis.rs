@@ -92,7 +92,7 @@ impl<T> PerAxis<T> {
         self.axes().zip(self.as_mut_slice())
     }
     /// A value made from each.
-    pub fn map<U>(&self, mut make: impl FnMut(AxisId, &T) -> U) -> PerAxis<U> {
+    pub fn map<'a, U>(&'a self, mut make: impl FnMut(AxisId, &'a T) -> U) -> PerAxis<U> {
         PerAxis::from_fn(self.count(), |axis| make(axis, &self.items[axis.index()]))
     }
 }

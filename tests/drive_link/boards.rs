@@ -165,7 +165,7 @@ fn a_board_reset_is_told_once_and_leaves_no_current(
     assert_eq!(rig.applied(X), Current::ZERO);
     // The next heartbeat comes within 10 ms: 20 periods.
     let told = (0..25).filter(|_| rig.collect()[X].events.is_board_reset).count();
-    assert_eq!((told, rig.seen[X].link.resets, rig.seen[Y].link.resets), (1, 1, 0));
+    assert_eq!((told, rig.drives.link_counts()[X].resets, rig.drives.link_counts()[Y].resets), (1, 1, 0));
     assert_eq!(rig.seen[X].drive, Some(DriveState::SwitchOnDisabled));
 }
 
@@ -185,7 +185,7 @@ fn a_loss_of_power_is_told_like_a_reset(
     rig.board(X).set_silent(false);
     assert_eq!(rig.applied(X), Current::ZERO);
     let told = (0..25).filter(|_| rig.collect()[X].events.is_board_reset).count();
-    assert_eq!((told, rig.seen[X].link.resets, rig.seen[Y].link.resets), (1, 1, 0));
+    assert_eq!((told, rig.drives.link_counts()[X].resets, rig.drives.link_counts()[Y].resets), (1, 1, 0));
     assert_eq!(rig.seen[X].drive, Some(DriveState::SwitchOnDisabled));
 }
 

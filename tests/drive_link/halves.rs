@@ -86,7 +86,8 @@ impl Host {
         let until = Moment::ZERO + PERIOD * self.cycle as i64;
         let mut bus = Script(frames.iter().copied().collect());
         let mut inputs = Inputs::default();
-        self.seen = self.drives.collect(&mut bus, self.cycle, until, &mut inputs);
+        self.drives.collect(&mut bus, self.cycle, until, &mut inputs);
+        self.seen = self.drives.observations().map(|_, seen| **seen);
         let frame = |what: &What| match what {
             What::Frame { received, .. } => Some(received.frame),
             What::Order(_) | What::Before(_) => None,
@@ -122,7 +123,7 @@ impl Host {
     }
 
     fn counts(&self) -> LinkCounts {
-        self.seen[X].link
+        *self.drives.link_counts()[X]
     }
 }
 
@@ -327,7 +328,8 @@ fn a_restart_is_told_once_by_clock_or_boot_up_message(
         host.cycle += 1;
         let until = Moment::ZERO + PERIOD * host.cycle as i64;
         let mut bus = Script(frames.into_iter().chain(y).collect());
-        host.seen = host.drives.collect(&mut bus, host.cycle, until, &mut Inputs::default());
+        host.drives.collect(&mut bus, host.cycle, until, &mut Inputs::default());
+        host.seen = host.drives.observations().map(|_, seen| **seen);
         told += u32::from(host.seen[X].events.is_board_reset);
         assert!(is_fresh(&host.seen[X]) || cycles == 0, "after {cycles} cycles");
     }

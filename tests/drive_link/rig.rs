@@ -175,7 +175,8 @@ impl Rig {
         self.cycle += 1;
         self.inputs.clear();
         let until = self.until();
-        self.seen = self.drives.collect(&mut self.wired, self.cycle, until, &mut self.inputs);
+        self.drives.collect(&mut self.wired, self.cycle, until, &mut self.inputs);
+        self.seen = self.drives.observations().map(|_, seen| **seen);
         self.seen
     }
     pub(crate) fn dispatch(&mut self, current: Current, target: Target) {

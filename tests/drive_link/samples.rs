@@ -88,7 +88,7 @@ fn a_bad_bus_makes_samples_old_but_never_wrong(
         }
         last = seen;
     }
-    let counts = rig.seen.map(|_, seen| seen.link);
+    let counts = rig.drives.link_counts();
     for (axis, counts) in counts.iter() {
         assert_eq!(counts.missed, stale[axis.index()], "axis {axis}");
         assert_eq!(counts.fresh + counts.missed, 3_001, "axis {axis}: every cycle is one or the other");
@@ -116,7 +116,7 @@ fn flipped_bits_are_survived_and_every_cycle_is_accounted_for(
         rig.collect();
         rig.dispatch(AMPERE, Target::Enabled);
     }
-    let counts = rig.seen[X].link;
+    let counts = rig.drives.link_counts()[X];
     assert_eq!(counts.fresh + counts.missed, 3_000);
     assert!(counts.late > 50, "a flipped cycle is an answer to another SYNC: {counts:?}");
 }
@@ -167,7 +167,7 @@ fn frames_of_strangers_are_counted_and_change_nothing(#[values(Layout::Fd, Layou
         .expect("room for a frame");
     let seen = rig.collect();
     assert_eq!(rig.drives.bus().foreign, 3);
-    assert_eq!(rig.seen[X].link.malformed, 1, "a feedback frame of 7 bytes");
+    assert_eq!(rig.drives.link_counts()[X].malformed, 1, "a feedback frame of 7 bytes");
     assert_eq!(seen[X].sample.raw.sequence, before[X].sample.raw.sequence + 1);
 }
 
@@ -187,8 +187,8 @@ impl Bus for Flooded {
 fn a_flooded_bus_cannot_hold_the_cycle(#[values(Layout::Fd, Layout::Classic)] layout: Layout) {
     let mut drives = Rig::new(layout, SHEET).drives;
     let mut inputs = Inputs::default();
-    let seen = drives.collect(&mut Flooded, 1, Moment::ZERO, &mut inputs);
-    assert_eq!(seen[X].sample.freshness, Freshness::Never);
+    drives.collect(&mut Flooded, 1, Moment::ZERO, &mut inputs);
+    assert_eq!(drives.observations()[X].sample.freshness, Freshness::Never);
     assert_eq!(drives.bus().foreign, 64, "32 frames an axis");
 }
 

@@ -305,7 +305,7 @@ impl<R: Read> Import<R> {
         let until = begin.at + self.reply_window;
         let dropped = self.source.dropped();
         let mut bus = Waiting { frames: &mut self.waiting, last: begin.at, is_dry: false, dropped };
-        let observed = self.drives.collect(&mut bus, begin.cycle, until, inputs);
+        self.drives.collect(&mut bus, begin.cycle, until, inputs);
         let collected = if bus.is_dry { until } else { bus.last };
 
         let mut spoken = commands.as_slice().iter().flatten();
@@ -322,13 +322,13 @@ impl<R: Read> Import<R> {
         record.cycle = begin.cycle;
         record.overruns = self.count.overruns(begin.cycle, sequence);
         record.bus = *self.drives.bus();
-        for command in commands.as_slice().iter().flatten() {
-            record.bus.sent_crc = checksum(record.bus.sent_crc, std::slice::from_ref(&command.frame));
-        }
+        let told = commands.as_slice().iter().flatten().map(|command| &command.frame);
+        record.bus.sent_crc = checksum(begin.cycle, told);
+        let (observed, counts) = (self.drives.observations(), self.drives.link_counts());
         for (axis, row) in record.axes.iter_mut() {
             row.sample = observed[axis].sample;
             row.arrivals = observed[axis].arrivals;
-            row.link = observed[axis].link;
+            row.link = *counts[axis];
             (row.command, row.refusal) = match &commands[axis] {
                 Some(Spoken { raw, .. }) => {
                     let current = self.frames.scales[axis].current(raw.current);

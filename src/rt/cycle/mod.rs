@@ -123,17 +123,17 @@ impl Cycle {
             self.inputs.push(Input { cycle: slot.number, what: What::Order(order) });
         }
         let until = now + self.settings.reply_window;
-        let observed = self.drives.collect(bus, slot.number, until, &mut self.inputs);
+        self.drives.collect(bus, slot.number, until, &mut self.inputs);
         let collected = clock();
         let wish = self.take(order, now);
         self.pass(slot);
-        self.decide(wish, &observed, slot);
+        self.decide(wish, slot);
         self.profile.advance(now);
-        self.control(&observed, is_position_tick);
+        self.control(is_position_tick);
         let decided = clock();
         // A refusal stands in the record, and the next cycle judges it there.
         let refusals = self.drives.dispatch(bus, &self.commands, slot.number);
-        self.write_record(&observed, &refusals, slot, Timing { collected, decided, ..slot.timing });
+        self.write_record(&refusals, slot, Timing { collected, decided, ..slot.timing });
         (&mut self.record, &self.inputs)
     }
 
@@ -187,17 +187,19 @@ impl Cycle {
     }
 
     /// What is wrong, what was wished, and so the mode of each axis.
-    fn decide(&mut self, wish: Wish, observed: &PerAxis<Observation>, slot: &Slot) {
+    fn decide(&mut self, wish: Wish, slot: &Slot) {
         let now = slot.timing.scheduled;
+        let (observed, counts) = (self.drives.observations(), self.drives.link_counts());
         let seen = self.overruns_seen.replace(slot.overruns).unwrap_or(slot.overruns);
         let skipped = slot.overruns.saturating_sub(seen);
         let is_overrun = self.overruns.cycle(skipped) || skipped > u64::from(self.settings.pause_cycles_max);
         let any_fault = self.modes.as_slice().iter().any(|mode| mode.fault().is_some());
         for (axis, mode) in self.modes.iter_mut() {
-            let observation = &observed[axis];
+            let observation = observed[axis];
             let limits = self.loops[axis].limits();
             let expected = self.loops[axis].expected();
-            let is_lossy = self.losses[axis].cycle(losses(observation, &self.record.axes[axis].link));
+            let is_lossy =
+                self.losses[axis].cycle(losses(observation, counts[axis], &self.record.axes[axis].link));
             let commands = self.record.commands();
             let of_link = verdict::of_link(observation, *mode, commands, is_lossy, &self.settings);
             let violation = self.loops[axis].violation(&observation.sample);
@@ -232,7 +234,7 @@ impl Cycle {
         }
         let wants_drive = self.modes.as_slice().iter().any(|mode| mode.wants_drive());
         let settled = self.loops.iter().map(|(axis, axis_loop)| {
-            at_rest::has_settled(&observed[axis], axis_loop.limits(), self.settings.stale_cycles_max)
+            at_rest::has_settled(observed[axis], axis_loop.limits(), self.settings.stale_cycles_max)
         });
         self.at_rest.see(wants_drive, settled, now, self.settings.patience.stopping);
     }
@@ -243,9 +245,10 @@ impl Cycle {
     }
 
     /// A command for each axis: the loops where current may flow, zero where not.
-    fn control(&mut self, observed: &PerAxis<Observation>, is_position_tick: bool) {
+    fn control(&mut self, is_position_tick: bool) {
+        let observed = self.drives.observations();
         for (axis, command) in self.commands.iter_mut() {
-            let (mode, observation) = (self.modes[axis], &observed[axis]);
+            let (mode, observation) = (self.modes[axis], observed[axis]);
             let answer = &mut self.answers[axis];
             if !mode.is_energised() {
                 self.loops[axis].follow(&observation.sample);
@@ -275,13 +278,8 @@ impl Cycle {
         }
     }
 
-    fn write_record(
-        &mut self,
-        observed: &PerAxis<Observation>,
-        refusals: &PerAxis<Refusal>,
-        slot: &Slot,
-        timing: Timing,
-    ) {
+    fn write_record(&mut self, refusals: &PerAxis<Refusal>, slot: &Slot, timing: Timing) {
+        let (observed, counts) = (self.drives.observations(), self.drives.link_counts());
         let record = &mut self.record;
         record.cycle = slot.number;
         record.timing = timing;
@@ -295,7 +293,7 @@ impl Cycle {
             row.setpoint = self.profile.setpoints()[axis];
             row.sample = observed[axis].sample;
             row.arrivals = observed[axis].arrivals;
-            row.link = observed[axis].link;
+            row.link = *counts[axis];
             row.command = self.commands[axis];
             row.refusal = refusals[axis];
         }
@@ -303,11 +301,11 @@ impl Cycle {
 }
 
 /// What a cycle lost of one board: its fresh feedback, and frames that came and could not be used.
-fn losses(observation: &Observation, before: &LinkCounts) -> u64 {
+fn losses(observation: &Observation, now: &LinkCounts, before: &LinkCounts) -> u64 {
     let unusable =
         |counts: &LinkCounts| counts.late.wrapping_add(counts.repeated).wrapping_add(counts.malformed);
     u64::from(observation.sample.freshness != Freshness::Fresh)
-        + u64::from(unusable(&observation.link).wrapping_sub(unusable(before)))
+        + u64::from(unusable(now).wrapping_sub(unusable(before)))
 }
 
 /// Run cycles until the orders say that it is done and the axes are at rest; the last record.

@@ -12,7 +12,7 @@ use super::velocity::VelocityEstimator;
 use super::{DriveSettings, Events, Observation, Taken};
 use crate::base::command::Command;
 use crate::base::input::Inputs;
-use crate::base::record::{Arrival, Arrivals};
+use crate::base::record::{Arrival, Arrivals, LinkCounts};
 use crate::base::sample::{Freshness, RawFeedback, Sample};
 use crate::base::time::{Moment, Span};
 use crate::base::units::Acceleration;
@@ -65,6 +65,9 @@ impl Link {
     pub(super) const fn node(&self) -> Node {
         self.node
     }
+    pub(super) const fn counts(&self) -> &LinkCounts {
+        &self.liveness.counts
+    }
 
     /// What was heard while commissioning is no news for the cycle.
     pub(super) fn start(&mut self) {
@@ -101,7 +104,6 @@ impl Link {
         let sample = &mut self.observation.sample;
         sample.age_cycles = self.liveness.age_cycles(cycle);
         count(&mut self.liveness.counts.missed, sample.freshness != Freshness::Fresh);
-        self.observation.link = self.liveness.counts;
         self.observation.events.heartbeat_age = self.liveness.heartbeat_age(until);
     }
 

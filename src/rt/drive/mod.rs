@@ -28,7 +28,7 @@ pub use self::link::raw_command;
 use self::sheet::Sheet;
 use self::state::DriveState;
 use self::velocity::VelocityEstimate;
-use super::bus::{Bus, Format, Received, SendError};
+use super::bus::{Bus, Format, PAYLOAD_BYTES_MAX, Received, SendError};
 use super::wire::feedback::BoardFlags;
 use super::wire::scaling::AxisScale;
 use super::wire::state::Emergency;
@@ -68,8 +68,6 @@ pub struct Observation {
     pub acceleration: Acceleration,
     /// How it came.
     pub arrivals: Arrivals,
-    /// How the link fared.
-    pub link: LinkCounts,
     /// State of the drive when last heard; `None` before that, or if its status word means nothing.
     pub drive: Option<DriveState>,
     /// What may be a fault.
@@ -154,17 +152,10 @@ const FRAMES_PER_AXIS_MAX: u8 = 32;
 
 impl Drives<Operational> {
     /// Sends SYNC for `cycle` and receives until every axis answered it or the moment `until` has
-    /// come. Frames behind the last answer stay in the bus for the next cycle. What is not fresh
+    /// come; [`observations`](Self::observations) are then those of the cycle. Frames behind the last answer stay in the bus for the next cycle. What is not fresh
     /// feedback goes to the `inputs`.
-    pub fn collect<B: Bus>(
-        &mut self,
-        bus: &mut B,
-        cycle: u64,
-        until: Moment,
-        inputs: &mut Inputs,
-    ) -> PerAxis<Observation> {
+    pub fn collect<B: Bus>(&mut self, bus: &mut B, cycle: u64, until: Moment, inputs: &mut Inputs) {
         let sync = command::encode_sync(cycle as u32);
-        self.phase.bus.sent_crc = checksum(0, std::slice::from_ref(&sync));
         self.phase.bus.sync = refusal(bus.send(&sync));
         self.phase.is_second_host = false;
         self.phase.was_bus_off = self.phase.bus.state == BusState::BusOff;
@@ -196,7 +187,16 @@ impl Drives<Operational> {
             events.is_bus_down = is_bus_down;
             events.is_second_host = is_second_host;
         }
-        self.phase.links.map(|_, link| link.observation)
+    }
+
+    /// Each axis as the last collection left it.
+    pub fn observations(&self) -> PerAxis<&Observation> {
+        self.phase.links.map(|_, link| &link.observation)
+    }
+
+    /// How the link to each board has fared.
+    pub fn link_counts(&self) -> PerAxis<&LinkCounts> {
+        self.phase.links.map(|_, link| link.counts())
     }
 
     /// Gives a frame to its axis; whether it was the answer the axis was waiting for.
@@ -249,7 +249,7 @@ impl Drives<Operational> {
             count += 1;
         }
         let frames = frames.get(..count).unwrap_or(&frames);
-        self.phase.bus.sent_crc = checksum(self.phase.bus.sent_crc, frames);
+        self.phase.bus.sent_crc = checksum(cycle, frames);
         let mut refusals = PerAxis::filled(count, Refusal::None);
         bus.send_each(frames, &mut |place, why| {
             if let Some(of_axis) = refusals.as_mut_slice().get_mut(place) {
@@ -276,14 +276,23 @@ enum Taken {
     Aside,
 }
 
-/// CRC-32 over identifiers and payloads, carried on: what the record tells of the frames sent.
-pub fn checksum(so_far: u32, frames: &[Frame]) -> u32 {
-    let mut hasher = crc32fast::Hasher::new_with_initial(so_far);
-    for frame in frames {
-        hasher.update(&frame.id().raw().to_le_bytes());
-        hasher.update(frame.payload());
-    }
-    hasher.finalize()
+/// CRC-32 over identifiers and payloads of the SYNC of `cycle` and of commands: what the record tells of the
+/// frames that a cycle sent.
+pub fn checksum<'a>(cycle: u64, commands: impl IntoIterator<Item = &'a Frame>) -> u32 {
+    // Collected first: a CRC costs by the piece more than by the byte.
+    let mut bytes = [0; (AXES_MAX + 1) * (size_of::<u32>() + PAYLOAD_BYTES_MAX)];
+    let mut length = 0;
+    let mut put = |frame: &Frame| {
+        for piece in [&frame.id().raw().to_le_bytes(), frame.payload()] {
+            if let Some(place) = bytes.get_mut(length..length + piece.len()) {
+                place.copy_from_slice(piece);
+                length += piece.len();
+            }
+        }
+    };
+    put(&command::encode_sync(cycle as u32));
+    commands.into_iter().for_each(put);
+    crc32fast::hash(bytes.get(..length).unwrap_or(&bytes))
 }
 
 const fn refusal(outcome: Result<(), SendError>) -> Refusal {
