@@ -20,6 +20,7 @@ pub mod friction;
 mod maps;
 pub mod params;
 pub mod response;
+pub mod rigid;
 
 pub use params::{Actuator, Mechanics, Parameters};
 
