@@ -15,6 +15,7 @@ pub mod check;
 pub mod circle;
 pub mod draw;
 pub mod hil;
+pub mod identify;
 pub mod loops;
 pub mod margins;
 pub mod playback;
