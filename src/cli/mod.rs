@@ -7,6 +7,7 @@
 mod check;
 mod circle;
 mod hil;
+mod identify;
 mod import;
 mod latency;
 mod log;
@@ -38,6 +39,8 @@ struct Arguments {
 enum Verb {
     /// Run a circular test (ISO 230-4) and show the circle, or judge one from its log
     Circle(circle::Arguments),
+    /// Find the parameters of axes, with their intervals, from measured motion
+    Identify(identify::Arguments),
     /// Check a machine file and print what it implies
     Check(check::Arguments),
     /// Summarise, export or recover a log
@@ -96,6 +99,7 @@ pub fn main() -> ExitCode {
     }
     let outcome = match arguments.verb {
         Verb::Circle(arguments) => circle::run(&arguments),
+        Verb::Identify(arguments) => identify::run(&arguments),
         Verb::Check(arguments) => check::run(&arguments),
         Verb::Log(arguments) => log::run(&arguments),
         Verb::Import(arguments) => import::run(&arguments),

@@ -7,6 +7,7 @@ use crate::log::timing::Share;
 use crate::log::{Header, Summary};
 use crate::offline::check::{MachineReport, Row};
 use crate::offline::circle::{CircularTest, PointAnalysis, Quadrant};
+use crate::offline::identify::{Estimate, Finding, Findings};
 use crate::offline::report::TestSheet;
 
 /// A table with a left-hand column of names and right-aligned numbers.
@@ -36,6 +37,40 @@ pub(super) fn latency_table(shares: &[Share]) -> String {
         rows.add_row(std::iter::once(name.clone()).chain(us.map(|us| format!("{us:.1}"))));
     }
     rows.to_string()
+}
+
+/// Parameters of axes with their intervals; what is not known says what it needs.
+pub(super) fn findings(found: &Findings) -> String {
+    let mut rows = table(&["parameter", "value", "95 % interval", "unit", "from"]);
+    for (axis, parameters) in found {
+        for (name, finding) in parameters {
+            let name = format!("{axis}.{name}");
+            match finding {
+                Finding::Found(Estimate { value, ci95: [low, high], unit, source }) => {
+                    let decimals = decimals_for(high - low);
+                    let [value, low, high] = [value, low, high].map(|number| format!("{number:.decimals$}"));
+                    rows.add_row([
+                        name,
+                        value,
+                        format!("{low} to {high}"),
+                        (*unit).to_owned(),
+                        source.clone(),
+                    ])
+                }
+                Finding::Unknown { needs, .. } => {
+                    let none = || "-".to_owned();
+                    rows.add_row([name, "not known".to_owned(), none(), none(), needs.clone()])
+                }
+            };
+        }
+    }
+    rows.column_iter_mut().skip(3).for_each(|column| column.set_cell_alignment(CellAlignment::Left));
+    rows.to_string()
+}
+
+/// Digits behind the point that an interval of this width justifies: two of its own.
+fn decimals_for(width: f64) -> usize {
+    if width > 0.0 { (1.0 - width.log10().floor()).clamp(0.0, 9.0) as usize } else { 3 }
 }
 
 /// Result of a circular test.

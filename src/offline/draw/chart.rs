@@ -54,6 +54,25 @@ impl Chart {
         svg.text([corner[0] + size[0] / 2.0, corner[1] - 7.0], bold, &self.title);
     }
 
+    /// Marks points inside the ranges of a chart that was drawn at `corner`.
+    pub fn dots(
+        &self,
+        svg: &mut Svg,
+        corner: [f64; 2],
+        size: [f64; 2],
+        points: &[[f64; 2]],
+        colour: &'static str,
+    ) {
+        let x = Scale::new(self.range_x, [corner[0], corner[0] + size[0]]);
+        let y = Scale::new(self.range_y, [corner[1] + size[1], corner[1]]);
+        let is_in = |value: f64, [low, high]: [f64; 2]| (low..=high).contains(&value);
+        for [across, up] in points {
+            if is_in(*across, self.range_x) && is_in(*up, self.range_y) {
+                svg.circle([x.place(*across), y.place(*up)], 1.4, colour, Stroke::solid(colour, 0.0));
+            }
+        }
+    }
+
     fn grid(&self, svg: &mut Svg, x: &Scale, y: &Scale) {
         let soft = |anchor| TextStyle { colour: SOFT_INK, ..text(11.0, anchor) };
         let ([left, right], [bottom, top]) = (x.places(), y.places());

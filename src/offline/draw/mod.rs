@@ -1,14 +1,15 @@
 //! Pictures of a circular test and of a run's timing, as SVG text and as PNG.
 //!
 //! [`polar`] draws the magnified deviation around the circle, [`reversals`] the four reversals over
-//! time, [`overview`] velocity and current of the whole run, [`latency`] where the time of the periods went; below them [`chart`], [`scale`],
-//! [`decimate`] and [`svg`] know nothing of circles.
+//! time, [`overview`] velocity and current of the whole run, [`latency`] where the time of the periods went,
+//! [`friction`] what friction an axis was found to have; below them [`chart`], [`scale`], [`decimate`] and [`svg`] know nothing of circles.
 //!
 //! Colours are told apart by colour-blind readers and by their grey: counter-clockwise dark blue,
 //! clockwise light orange. Invariant: no text over text, the same test gives the same bytes.
 
 pub mod chart;
 pub mod decimate;
+pub mod friction;
 pub mod latency;
 pub mod overview;
 pub mod png;

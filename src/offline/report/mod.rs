@@ -1,9 +1,11 @@
-//! The result of a circular test as files a person opens: a page, a drawing, a picture.
+//! The result of a circular test, or of an [`identification`], as files a person opens: a page, a drawing, a
+//! picture.
 //!
 //! Each file is written under a temporary name in the same folder and renamed when it is complete, so
 //! a reader never sees half a report. Invariant: the page needs nothing beside itself: no script, no
 //! network, no second file.
 
+pub mod identification;
 mod page;
 
 use std::fs;
@@ -93,7 +95,7 @@ pub enum ReportError {
         /// Where.
         folder: PathBuf,
         /// Which.
-        file: &'static str,
+        file: String,
         /// Why not.
         cause: io::Error,
     },
@@ -131,7 +133,7 @@ pub fn write(
     })
 }
 
-fn put(folder: &Path, file: &'static str, bytes: &[u8]) -> Result<PathBuf, ReportError> {
+fn put(folder: &Path, file: &str, bytes: &[u8]) -> Result<PathBuf, ReportError> {
     let path = folder.join(file);
     // The number of the process keeps two reports into one folder apart.
     let draft = folder.join(format!(".{file}.{}.part", std::process::id()));
@@ -141,7 +143,7 @@ fn put(folder: &Path, file: &'static str, bytes: &[u8]) -> Result<PathBuf, Repor
     written.map(|()| path).map_err(|cause| {
         // The cause of the failure matters more than a draft that may not even exist.
         let _ = fs::remove_file(&draft);
-        ReportError::File { folder: folder.to_owned(), file, cause }
+        ReportError::File { folder: folder.to_owned(), file: file.to_owned(), cause }
     })
 }
 

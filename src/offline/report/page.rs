@@ -10,7 +10,7 @@ use crate::offline::circle::{CircularTest, PathAnalysis, PointAnalysis, Quadrant
 use crate::offline::draw::scale::signed;
 use crate::offline::draw::{overview, polar, reversals};
 
-const STYLE: &str = "
+pub(super) const STYLE: &str = "
 :root{color-scheme:light}
 body{font:15px/1.45 'DejaVu Sans',Verdana,sans-serif;color:#1a1a1a;background:#fff;margin:1.5rem auto;max-width:1100px;padding:0 1rem}
 h1{font-size:1.5rem;margin:0 0 .2rem}h2{font-size:1.1rem;margin:1.8rem 0 .5rem;border-bottom:1px solid #ccc}
