@@ -9,6 +9,7 @@ use std::sync::atomic::AtomicBool;
 use quadrant::base::axis::{AxisId, PerAxis};
 use quadrant::base::input::Inputs;
 use quadrant::base::motion::{Circle, Direction};
+use quadrant::base::order::{Excitation, ExcitedMotion};
 use quadrant::base::record::{AxisRecord, CycleRecord, ModeTag, Timing};
 use quadrant::base::time::{Moment, Span};
 use quadrant::base::units::{Acceleration, Position, Velocity};
@@ -331,6 +332,21 @@ impl Rig {
             feed: Velocity::mm_per_s(feed_mm_per_s),
             acceleration: Acceleration::m_per_s2(0.5),
         })
+    }
+
+    /// The same with the first axis excited from 8 to 200 Hz for a second at full strength.
+    pub(crate) fn excited_to(&self, place_mm: f64, feed_mm_per_s: f64) -> ExcitedMotion {
+        let Order::Line(line) = self.line_to(place_mm, feed_mm_per_s) else { panic!("a line is a line") };
+        let excitation = Excitation {
+            axis: X,
+            amplitude: Velocity::mm_per_s(0.4),
+            period: Span::ms(500),
+            harmonic_min: 4,
+            harmonic_max: 100,
+            lines: 16,
+            repeats: 2,
+        };
+        ExcitedMotion { line, excitation }
     }
 
     pub(crate) fn axis(&self, axis: AxisId) -> &AxisRecord {

@@ -141,13 +141,14 @@ pub(crate) fn is_same(one: &CycleRecord, other: &CycleRecord) -> bool {
     bits(one) == bits(other) && text(one) == text(other)
 }
 
-pub(crate) fn floats(axis: &AxisRecord) -> [f64; 16] {
+pub(crate) fn floats(axis: &AxisRecord) -> [f64; 17] {
     let AxisRecord { setpoint, sample, command, .. } = axis;
     let Terms {
         following_error,
         expected_position,
         expected_velocity,
         velocity_command,
+        excitation,
         proportional,
         integral,
         friction,
@@ -166,6 +167,7 @@ pub(crate) fn floats(axis: &AxisRecord) -> [f64; 16] {
         expected_position.as_m(),
         expected_velocity.as_m_per_s(),
         velocity_command.as_m_per_s(),
+        excitation.as_m_per_s(),
         proportional.as_nm(),
         integral.as_nm(),
         friction.as_nm(),
