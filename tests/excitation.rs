@@ -88,6 +88,10 @@ fn a_stop_in_the_middle_takes_it_back_with_the_speed(#[case] order: Order, #[cas
     let still_excited = rows.iter().filter(|row| row.axes[X].command.terms.excitation != Velocity::ZERO);
     let still_excited = still_excited.count();
     assert!((100..140).contains(&still_excited), "{still_excited} cycles of 0.5 ms");
+    // With a sixth of the time left the speed is 6 % of what it was, and so is the strength.
+    let late = rows.iter().take(still_excited).skip(still_excited - 20);
+    let left = late.map(|row| row.axes[X].command.terms.excitation.as_mm_per_s().abs()).fold(0.0, f64::max);
+    assert!(left < 0.3, "{left} mm/s left");
     let step = largest_step(&rows);
     assert!(step < 1.2 * share, "steps of {step} mm/s, in the motion at most {share} mm/s");
     let on_path = rows.iter().filter(|row| row.axes[X].mode != ModeTag::Off);
