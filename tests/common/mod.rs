@@ -16,7 +16,7 @@ use quadrant::config::{self, Machine};
 use quadrant::rt::bus::{Bus, Frame, Received, SendError};
 use quadrant::rt::control::profile::{CircleMotion, LineMotion};
 use quadrant::rt::cycle::pace::{Slot, Virtual};
-use quadrant::rt::cycle::procedure::{CircleProcedure, CircleTest, Ending};
+use quadrant::rt::cycle::procedure::{CircleTest, Ending, Procedure};
 use quadrant::rt::cycle::{Cycle, conduct};
 use quadrant::rt::door::{Order, Orders, Records};
 use quadrant::rt::wire::Address;
@@ -112,7 +112,7 @@ pub(crate) fn run_circles_on(
         circles: std::array::from_fn(|index| circles.get(index).copied()),
         positioning_feed: machine.motion.positioning_feed,
     };
-    let mut procedure = CircleProcedure::new(test, Arc::new(AtomicBool::new(false)));
+    let mut procedure = Procedure::new(test, Arc::new(AtomicBool::new(false)));
     let mut kept = Kept::default();
     let mut grid = Virtual::new(machine.cycle.period);
     let last = conduct(&mut cycle, &mut bus, &mut grid, &mut procedure, &mut kept);

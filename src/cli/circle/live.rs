@@ -23,7 +23,7 @@ use crate::rt::bus::Bus;
 use crate::rt::bus::lockstep::{self, Lockstep, NoPeer};
 use crate::rt::bus::socketcan::SocketCan;
 use crate::rt::cycle::pace::{Virtual, Wall};
-use crate::rt::cycle::procedure::{CircleProcedure, CircleTest, Ending};
+use crate::rt::cycle::procedure::{CircleTest, Ending, Procedure};
 use crate::rt::cycle::{Cycle, conduct};
 use crate::rt::door::{Both, record_ring};
 use crate::rt::drive::{Drives, Operational};
@@ -137,7 +137,7 @@ impl Run<'_> {
         };
 
         let bar = ProgressWatch::start(cycles, test.duration_s(), machine.cycle.period);
-        let mut orders = CircleProcedure::new(*test, Arc::clone(&stop_wish));
+        let mut orders = Procedure::new(*test, Arc::clone(&stop_wish));
         let period = machine.cycle.period;
         begin(&mut bus, origin.monotonic);
         let end = match prepared {
@@ -193,7 +193,7 @@ pub(super) fn twin(
     let mut cycle = Cycle::new(machine.cycle_settings(), drives, &machine.control_settings());
     let (ring, drain) = record_ring(RING_RECORDS);
     let tracer = thread::spawn(move || Trace::from_records(records(drain.ring)));
-    let mut orders = CircleProcedure::new(test, stop_wish);
+    let mut orders = Procedure::new(test, stop_wish);
     let mut records = Patient(ring);
     let mut grid = Virtual::new(machine.cycle.period);
     let last = conduct(&mut cycle, &mut bus, &mut grid, &mut orders, &mut records);
