@@ -3,10 +3,13 @@
 //! A machine file is read section by section (`reader.rs`, `machine_file.rs`), its values are held
 //! against each other (`rules.rs`), every problem is noted at its place (`problem.rs`), and what comes
 //! out is a [`Machine`] that the rest trusts. Some machines are embedded. A [`scenario`] is read the same way.
+//! What analysis finds goes into a machine file by `edit`.
 //! Invariant: nothing that moves has a silent default; a text with a problem gives no machine.
 
 mod assemble;
 pub mod bus_load;
+#[cfg(feature = "offline")]
+pub mod edit;
 pub mod machine;
 mod machine_file;
 pub mod plan;

@@ -14,6 +14,7 @@
 //! the protrusion of a circle within a few nanometres (`cargo bench --bench plant`).
 //! Invariant: pure functions of parameters, state, input and time step; no clock, no randomness.
 
+pub mod driven;
 mod effects;
 pub mod encoder;
 pub mod friction;
