@@ -10,6 +10,7 @@ use crate::base::units::{Acceleration, Current, Velocity};
 use crate::plant;
 use crate::rt::control;
 pub use crate::rt::control::Gains;
+use crate::rt::control::velocity_pi::{self, Memory};
 use crate::rt::cycle::bucket::BucketLimit;
 use crate::rt::cycle::mode::Patience;
 use crate::rt::drive::sheet::Sheet;
@@ -113,8 +114,65 @@ pub struct Axis {
     pub current_noise: Current,
     /// Mechanics, friction, actuator.
     pub plant: plant::Parameters,
+    /// How the paper's `V_p` and `V_i` became the gains of its velocity loop.
+    pub velocity_form: VelocityForm,
     /// Loops and limits. Its own plant parameters equal `plant` unless somebody makes them differ.
     pub control: control::Settings,
+}
+
+/// Eq. (5) of the paper, `a V_p (1 + b V_i / (t s + 1))`, in its two readings: how `V_p` and `V_i`, which have no
+/// units there, become gains.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum VelocityForm {
+    /// `t` is long against the loop: a true integrator.
+    Integrator {
+        /// `a`, N m s/rad.
+        a_nm_s_per_rad: f64,
+        /// `b/t`, 1/s.
+        b_per_t_per_s: f64,
+    },
+    /// As printed.
+    Lag {
+        /// `a`, N m s/rad.
+        a_nm_s_per_rad: f64,
+        /// `b`.
+        b: f64,
+        /// `t`, s.
+        t_s: f64,
+    },
+}
+
+impl VelocityForm {
+    /// The gains of a pair of `V_p` and `V_i`.
+    pub fn gains(&self, v_p: f64, v_i: f64) -> velocity_pi::Gains {
+        match *self {
+            Self::Integrator { a_nm_s_per_rad, b_per_t_per_s } => velocity_pi::Gains {
+                proportional_nm_s_per_rad: a_nm_s_per_rad * v_p,
+                memory: Memory::Integrator { gain_nm_per_rad: a_nm_s_per_rad * v_p * v_i * b_per_t_per_s },
+            },
+            Self::Lag { a_nm_s_per_rad, b, t_s } => velocity_pi::Gains {
+                proportional_nm_s_per_rad: a_nm_s_per_rad * v_p,
+                memory: Memory::Lag {
+                    gain_nm_s_per_rad: a_nm_s_per_rad * v_p * b * v_i,
+                    time_constant_s: t_s,
+                },
+            },
+        }
+    }
+
+    /// The pair that gives these gains; `V_i` is not a number where the form has no integral part.
+    pub fn pair(&self, gains: &velocity_pi::Gains) -> [f64; 2] {
+        let kvp = gains.proportional_nm_s_per_rad;
+        match (*self, gains.memory) {
+            (Self::Integrator { a_nm_s_per_rad, b_per_t_per_s }, Memory::Integrator { gain_nm_per_rad }) => {
+                [kvp / a_nm_s_per_rad, gain_nm_per_rad / kvp / b_per_t_per_s]
+            }
+            (Self::Lag { a_nm_s_per_rad, b, .. }, Memory::Lag { gain_nm_s_per_rad, .. }) => {
+                [kvp / a_nm_s_per_rad, gain_nm_s_per_rad / kvp / b]
+            }
+            (Self::Integrator { .. } | Self::Lag { .. }, _) => [f64::NAN; 2],
+        }
+    }
 }
 
 impl Machine {

@@ -2,7 +2,7 @@
 //! of each value. Truths between values are in `rules.rs`.
 //! Invariant: every key of the file is asked for here, and nowhere else.
 
-use super::machine::{AXIS_NAMES, Axis, BusSettings, Cycle, Machine, Motion, Supervision};
+use super::machine::{AXIS_NAMES, Axis, BusSettings, Cycle, Machine, Motion, Supervision, VelocityForm};
 use super::problem::FileProblems;
 use super::reader::{Notes, Section, parse};
 use super::rules;
@@ -179,17 +179,28 @@ fn axis(section: Section<'_>, cycle: &Cycle, sets: &[String], shelf: &Shelf<'_>)
         table_counts_per_mm: (sheet.table_counts_per_mm > 0).then_some(sheet.table_counts_per_mm),
         table_sense: senses.1,
     });
+    let velocity_form = velocity_form(section.section("velocity-loop"));
     let control = control::Settings {
         tick: cycle.period,
         position_every: cycle.position_every,
         axis: plant,
         resolution: scale.motor_resolution(),
         limits: limits(section.section("limits")),
-        gain_sets: gain_sets(&section, cycle, sets),
+        gain_sets: gain_sets(&section, velocity_form, cycle, sets),
         gain_set_count: sets.len().min(GAIN_SETS_MAX) as u8,
     };
     section.close();
-    Axis { node, sheet, scale, feedback_latency, velocity_estimate, current_noise, plant, control }
+    Axis {
+        node,
+        sheet,
+        scale,
+        feedback_latency,
+        velocity_estimate,
+        current_noise,
+        plant,
+        velocity_form,
+        control,
+    }
 }
 
 fn sense(section: &Section<'_>) -> Sense {
@@ -277,47 +288,29 @@ fn limits(section: Section<'_>) -> Limits {
 }
 
 /// Eq. (5): how the paper's `V_p` and `V_i` become gains.
-enum Form {
-    Integrator { a: f64, b_per_t: f64 },
-    Lag { a: f64, b: f64, t_s: f64 },
-}
-
-impl Form {
-    fn read(section: Section<'_>) -> Self {
-        let is_lag = section.choice("form", &[("integrator", false), ("lag", true)]);
-        let a = section.number("a-nm-s-per-rad", 1e-9..=1e3, "N m s/rad");
-        let form = if is_lag {
-            Self::Lag {
-                a,
-                b: section.number("b", 0.0..=1e9, ""),
-                t_s: section.number("t-s", 1e-6..=1e6, "s"),
-            }
-        } else {
-            Self::Integrator { a, b_per_t: section.number("b-per-t-per-s", 0.0..=1e9, "1/s") }
-        };
-        section.close();
-        form
-    }
-
-    fn gains(&self, v_p: f64, v_i: f64) -> velocity_pi::Gains {
-        match *self {
-            Self::Integrator { a, b_per_t } => velocity_pi::Gains {
-                proportional_nm_s_per_rad: a * v_p,
-                memory: velocity_pi::Memory::Integrator { gain_nm_per_rad: a * v_p * v_i * b_per_t },
-            },
-            Self::Lag { a, b, t_s } => velocity_pi::Gains {
-                proportional_nm_s_per_rad: a * v_p,
-                memory: velocity_pi::Memory::Lag {
-                    gain_nm_s_per_rad: a * v_p * b * v_i,
-                    time_constant_s: t_s,
-                },
-            },
+fn velocity_form(section: Section<'_>) -> VelocityForm {
+    let is_lag = section.choice("form", &[("integrator", false), ("lag", true)]);
+    let a_nm_s_per_rad = section.number("a-nm-s-per-rad", 1e-9..=1e3, "N m s/rad");
+    let form = if is_lag {
+        VelocityForm::Lag {
+            a_nm_s_per_rad,
+            b: section.number("b", 0.0..=1e9, ""),
+            t_s: section.number("t-s", 1e-6..=1e6, "s"),
         }
-    }
+    } else {
+        let b_per_t_per_s = section.number("b-per-t-per-s", 0.0..=1e9, "1/s");
+        VelocityForm::Integrator { a_nm_s_per_rad, b_per_t_per_s }
+    };
+    section.close();
+    form
 }
 
-fn gain_sets(axis: &Section<'_>, cycle: &Cycle, names: &[String]) -> [Gains; GAIN_SETS_MAX] {
-    let form = Form::read(axis.section("velocity-loop"));
+fn gain_sets(
+    axis: &Section<'_>,
+    form: VelocityForm,
+    cycle: &Cycle,
+    names: &[String],
+) -> [Gains; GAIN_SETS_MAX] {
     let section = axis.section("gains");
     // A sampled position loop is stable only below 2 / T_p; half of that still rings.
     let kp_max = 1.0 / (cycle.period.as_s() * f64::from(cycle.position_every));
