@@ -18,7 +18,7 @@ use super::encoder::{Knot, between};
 use super::friction::{self, Law};
 use super::params::Mechanics;
 use crate::base::time::Span;
-use crate::base::units::{Force, Position, Velocity};
+use crate::base::units::{Force, Velocity};
 
 const D: usize = 0;
 const V_TABLE: usize = 1;
@@ -144,6 +144,7 @@ impl Driven {
 mod tests {
     use super::*;
     use crate::base::units::Current;
+    use crate::base::units::Position;
     use crate::plant::Plant;
     use crate::plant::tests::paper_axis;
 

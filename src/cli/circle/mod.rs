@@ -11,6 +11,7 @@ use std::path::PathBuf;
 use anyhow::Context;
 use clap::{Args, ValueEnum};
 
+use super::live::stamp_now;
 use super::{Outcome, PaceName, machine};
 use crate::base::motion::{Circle, Direction};
 use crate::base::units::{Position, Velocity};
@@ -111,7 +112,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let machine = machine(&arguments.machine)?;
     let request = arguments.request();
     let test = machine.circle_test(&request)?;
-    let stamp = live::stamp_now();
+    let stamp = stamp_now();
     let folder = match &arguments.out {
         Some(folder) => folder.clone(),
         None => {
