@@ -15,8 +15,10 @@ use serde::Serialize;
 
 pub mod foreign;
 pub mod least_squares;
+pub mod measured;
 pub mod rigid;
 pub mod smoothing;
+pub mod stretches;
 
 /// A parameter as the data tell it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
