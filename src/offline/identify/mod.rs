@@ -14,10 +14,13 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 pub mod foreign;
+pub mod inertia;
 pub mod least_squares;
 pub mod measured;
 pub mod rigid;
+pub mod ripple;
 pub mod smoothing;
+pub mod steady;
 pub mod stretches;
 
 /// A parameter as the data tell it.
