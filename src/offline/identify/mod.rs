@@ -13,6 +13,9 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
+pub mod breakaway;
+pub mod comparison;
+pub mod fall;
 pub mod foreign;
 pub mod inertia;
 pub mod least_squares;
@@ -21,6 +24,7 @@ pub mod rigid;
 pub mod ripple;
 pub mod smoothing;
 pub mod steady;
+pub mod stiffness;
 pub mod stretches;
 
 /// A parameter as the data tell it.
