@@ -15,6 +15,7 @@ use serde::Serialize;
 
 pub mod breakaway;
 pub mod comparison;
+pub mod current_loop;
 pub mod fall;
 pub mod foreign;
 pub mod inertia;
