@@ -20,6 +20,8 @@ pub mod fall;
 pub mod foreign;
 pub mod inertia;
 pub mod least_squares;
+pub mod logged;
+pub mod logs;
 pub mod measured;
 pub mod rigid;
 pub mod ripple;
@@ -45,6 +47,19 @@ impl Estimate {
     /// A value with the half width of its 95 % interval.
     pub fn within(value: f64, half_width: f64, unit: &'static str, source: impl Into<String>) -> Self {
         Self { value, ci95: [value - half_width, value + half_width], unit, source: source.into() }
+    }
+
+    /// The same with the uncertainty of a factor that all of it was multiplied by: half its 95 % interval in per
+    /// cent, and its name for the source.
+    #[must_use]
+    pub fn with_scale(mut self, percent: f64, factor: &str) -> Self {
+        let scale = 0.01 * percent * self.value.abs();
+        if scale > 0.0 {
+            let [low, high] = self.ci95.map(|end| (end - self.value).abs());
+            self.ci95 = [self.value - low.hypot(scale), self.value + high.hypot(scale)];
+            self.source += &format!("; ± {percent} % of it by the {factor}");
+        }
+        self
     }
 }
 
