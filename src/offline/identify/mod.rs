@@ -4,8 +4,10 @@
 //!   log, CSV ──► columns of an axis ──► stretches ──► regressions and fits ──► Findings ──► machine file
 //! ```
 //!
-//! [`foreign`] reads measurements that are no log of ours, by a map of their columns; [`rigid`] fits the axis
-//! that has no elasticity to them; [`least_squares`] is what all regressions share.
+//! [`logs`] opens logs and [`logged`] identifies an axis of them, from what [`stretches`] finds in the [`measured`]
+//! columns; [`write_back`] puts it into a machine file. [`foreign`] reads measurements that are no log of ours, by a
+//! map of their columns; [`rigid`] fits the axis that has no elasticity to them. [`least_squares`] is what all
+//! regressions share.
 //! Invariant: a value comes with its interval, its unit and the data behind it; what the data do not tell is
 //! said with what would tell it, and never guessed.
 
@@ -29,6 +31,7 @@ pub mod smoothing;
 pub mod steady;
 pub mod stiffness;
 pub mod stretches;
+pub mod write_back;
 
 /// A parameter as the data tell it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
