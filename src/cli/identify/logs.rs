@@ -1,14 +1,12 @@
 //! Identification from logs of the machine itself, and the way of what was found into its machine file.
 
-use std::path::Path;
-
 use super::super::view::findings;
 use super::super::{Outcome, print_json, print_text};
 use super::Arguments;
 use crate::offline::identify::Findings;
-use crate::offline::identify::logged::{LoggedAxis, Settings};
+use crate::offline::identify::logged::Settings;
 use crate::offline::identify::logs::Logs;
-use crate::offline::identify::write_back::{self, Origin};
+use crate::offline::identify::write_back::Target;
 use crate::offline::report::identification::{self, AxisPage};
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
@@ -16,6 +14,8 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     for warning in &logs.warnings {
         eprintln!("warning: {warning}");
     }
+    // A file that cannot take anything is refused before the work.
+    let target = arguments.write.as_deref().map(|file| Target::open(file, &logs)).transpose()?;
     let settings =
         Settings { torque_constant_tolerance_percent: arguments.torque_constant_tolerance_percent };
     let axes = logs.identify(settings)?;
@@ -31,17 +31,11 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         let files = identification::write(folder, &logs.names(), &found, &pages)?;
         eprintln!("report: {}", files.html.display());
     }
-    if let Some(file) = &arguments.write {
-        write(file, &logs, &axes)?;
+    if let Some(target) = target {
+        let change = target.with(&axes)?;
+        eprint!("{}", change.difference());
+        change.write()?;
+        eprintln!("the machine file is written");
     }
     Ok(Outcome::Done)
-}
-
-fn write(file: &Path, logs: &Logs, axes: &[(String, LoggedAxis)]) -> anyhow::Result<()> {
-    let origin = Origin::of(logs);
-    let change = write_back::changed(file, logs, axes, &origin)?;
-    eprint!("{}", change.difference());
-    change.write()?;
-    eprintln!("written: {}", file.display());
-    Ok(())
 }
