@@ -1,5 +1,7 @@
 //! Tables for the terminal.
 
+use std::collections::BTreeMap;
+
 use comfy_table::{CellAlignment, Table, presets};
 
 use crate::log::header::IMPORTED;
@@ -7,6 +9,7 @@ use crate::log::timing::Share;
 use crate::log::{Header, Summary};
 use crate::offline::check::{MachineReport, Row};
 use crate::offline::circle::{CircularTest, PointAnalysis, Quadrant};
+use crate::offline::identify::plan::{Part, Purpose};
 use crate::offline::identify::{Estimate, Finding, Findings};
 use crate::offline::report::TestSheet;
 
@@ -35,6 +38,21 @@ pub(super) fn latency_table(shares: &[Share]) -> String {
     for Share { name, percentiles: told, .. } in shares {
         let us = [told.p50_us, told.p99_us, told.p99_9_us, told.p99_99_us, told.max_us];
         rows.add_row(std::iter::once(name.clone()).chain(us.map(|us| format!("{us:.1}"))));
+    }
+    rows.to_string()
+}
+
+/// What the experiments of each purpose do.
+pub(super) fn experiments(parts: &BTreeMap<Purpose, Part>) -> String {
+    let mut rows = table(&["experiment", "motions", "way", "up to", "time"]);
+    for (purpose, part) in parts {
+        rows.add_row([
+            purpose.name().to_owned(),
+            part.motions.to_string(),
+            format!("{:.0} mm", part.way_mm),
+            format!("{:.2} mm/s", part.top_speed_mm_per_s),
+            format!("{:.0} s", part.duration_s),
+        ]);
     }
     rows.to_string()
 }
