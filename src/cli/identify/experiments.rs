@@ -1,6 +1,7 @@
 //! Runs the experiments of a machine and keeps their log: first says what will move, how far, how fast and how
 //! long, and on a real machine asks.
 
+use std::collections::BTreeMap;
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 
@@ -13,8 +14,10 @@ use super::Arguments;
 use crate::base::axis::AxisId;
 use crate::config::Machine;
 use crate::config::machine::AXIS_NAMES;
-use crate::log::{Header, Pace};
+use crate::log::{Header, Pace, Reader};
+use crate::offline::identify::frequency::{self, AxisResponse, FrequencyError};
 use crate::offline::identify::plan::{Part, Plan, Purpose, Request};
+use crate::offline::report;
 use crate::run::{self, Origin, Place};
 
 /// What `--json` prints.
@@ -27,8 +30,10 @@ struct Printed<'a> {
     lost_records: u64,
     seconds: f64,
     planned_s: f64,
-    experiments: std::collections::BTreeMap<Purpose, Part>,
+    experiments: BTreeMap<Purpose, Part>,
     left_out: &'a [String],
+    /// By axis; none where nothing could be excited.
+    frequency_response: &'a BTreeMap<String, AxisResponse>,
 }
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
@@ -164,6 +169,15 @@ fn header(
 }
 
 fn show(arguments: &Arguments, machine: &Machine, plan: &Plan, recorded: &Recorded) -> anyhow::Result<()> {
+    let responses = match frequency::of_log(&mut Reader::open(&recorded.log.path)?) {
+        Err(FrequencyError::NotExcited) => BTreeMap::new(),
+        responses => responses?,
+    };
+    if let Some(folder) = &arguments.report {
+        for drawing in report::frequency::write(folder, &responses)? {
+            eprintln!("drawing: {}", drawing.display());
+        }
+    }
     let printed = Printed {
         machine: &machine.name,
         gains: &arguments.gains,
@@ -174,12 +188,16 @@ fn show(arguments: &Arguments, machine: &Machine, plan: &Plan, recorded: &Record
         planned_s: plan.duration_s(),
         experiments: plan.summary(),
         left_out: &plan.left_out,
+        frequency_response: &responses,
     };
     if arguments.json {
         return print_json(&printed);
     }
+    let found = responses.iter().map(|(axis, response)| (axis.clone(), response.findings.clone())).collect();
     print_text(&format!(
-        "{} cycles in {:.1} s\nlog: {}\n",
+        "{}\n{}\n\n{} cycles in {:.1} s\nlog: {}\n",
+        view::loop_margins(&responses),
+        view::findings(&found),
         recorded.cycles,
         recorded.wall_s,
         recorded.log.path.display()

@@ -14,6 +14,7 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 pub mod foreign;
+pub mod frequency;
 pub mod least_squares;
 pub mod plan;
 pub mod rigid;
