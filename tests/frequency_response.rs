@@ -19,6 +19,8 @@ use quadrant::rt::cycle::procedure::{Ending, Procedure, Programme};
 use quadrant::rt::cycle::{Cycle, conduct};
 use quadrant::rt::door::Records;
 use quadrant::sim::closed_loop::Wired;
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
 use rstest::rstest;
 
 /// Collects lines as a log would give them.
@@ -147,6 +149,54 @@ fn an_axis_that_the_machine_file_does_not_know_is_found() {
         [found.measured, truth, found.computed].map(|margins| margins.phase_margin_deg.unwrap_or(f64::NAN));
     assert!((measured - known).abs() < 1.0, "{measured} deg measured, {known} deg true");
     assert!((measured - believed).abs() > 5.0, "{measured} deg measured, {believed} deg believed");
+}
+
+/// The reference machine with an axis drawn by lot behind its boards: within 30 % of what is believed.
+fn drawn(seed: u64) -> Machine {
+    let mut random = Pcg64Mcg::seed_from_u64(seed);
+    let mut other = machine_with("reference", &[("ripple-percent = 0.0", "ripple-percent = 2.0")]);
+    let axis = &mut other.axes[X];
+    let mut by = || random.random_range(0.7..1.3);
+    axis.plant.mechanics.mass_kg *= by();
+    axis.plant.mechanics.stiffness_n_per_m *= by();
+    axis.plant.mechanics.damping_n_s_per_m *= by();
+    axis.plant.mechanics.inertia_kg_m2 *= by();
+    axis.plant.friction = axis.plant.friction.scaled(by());
+    axis.plant.actuator.current_loop_hz *= by();
+    other
+}
+
+/// In few runs: of 30 random axes more are in `.ci/run` than here.
+#[test]
+fn intervals_contain_the_truth() {
+    let reference = machine("reference");
+    let axes = std::env::var("QUADRANT_RANDOM_AXES").ok().and_then(|count| count.parse().ok()).unwrap_or(4);
+    let mut inside = std::collections::BTreeMap::<&str, u64>::new();
+    for seed in 0..axes {
+        let other = drawn(seed);
+        let truth = other.axes[X].plant;
+        let found = respond(&reference, &observed(&reference, "standard", &other, seed, 0)).findings;
+        for (name, value) in [
+            ("total_inertia", truth.mechanics.total_inertia_kg_m2()),
+            ("motor_inertia", truth.mechanics.inertia_kg_m2),
+            ("mass", truth.mechanics.mass_kg),
+            ("stiffness", truth.mechanics.stiffness_n_per_m * 1e-6),
+            ("damping", truth.mechanics.damping_n_s_per_m * 1e-3),
+            ("current_loop", truth.actuator.current_loop_hz),
+            ("command_delay", 500.0),
+        ] {
+            let estimate = found[name].estimate().unwrap_or_else(|| panic!("{name}: {:?}", found[name]));
+            let [low, high] = estimate.ci95;
+            *inside.entry(name).or_default() += u64::from((low..=high).contains(&value));
+            if !(low..=high).contains(&value) {
+                println!("axis {seed}, {name}: {value} not in {low} to {high}");
+            }
+        }
+    }
+    println!("of {axes}: {inside:?}");
+    for (name, count) in inside {
+        assert!(count * 100 >= axes * 90, "{name}: the truth is in {count} of {axes} intervals");
+    }
 }
 
 #[test]
