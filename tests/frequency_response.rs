@@ -166,7 +166,7 @@ fn drawn(seed: u64) -> Machine {
     other
 }
 
-/// In few runs: of 30 random axes more are in `.ci/run` than here.
+/// A few here; `.ci/run` draws a hundred.
 #[test]
 fn intervals_contain_the_truth() {
     let reference = machine("reference");
