@@ -15,15 +15,20 @@
 //! the speeds of a circle. Angular frequencies in rad/s.
 //! Invariant: no formula of the plant or of a controller is repeated here.
 
+use std::f64::consts::PI;
+
 use nalgebra::Complex;
 
 use super::margins::Margins;
 use crate::base::axis::AxisId;
-use crate::base::units::{Position, Velocity};
+use crate::base::units::{Current, Position, Torque, Velocity};
 use crate::config::Machine;
 use crate::config::machine::{Axis, Gains};
 use crate::plant::friction::Law;
 use crate::plant::response::{delay, motor_speed_per_torque};
+
+/// Frequencies up to half the sampling rate at which noise is summed up.
+const NOISE_STEPS: u32 = 256;
 
 /// The loops of one axis with one gain set.
 #[derive(Clone, Copy, Debug)]
@@ -40,7 +45,13 @@ impl<'m> Loops<'m> {
     /// When the machine has no such axis or gain set.
     pub fn new(machine: &'m Machine, axis: AxisId, set: u8) -> Self {
         assert!(usize::from(set) < machine.gain_sets.len(), "no gain set {set}");
-        Self { machine, axis: &machine.axes[axis], gains: machine.gains(axis, set) }
+        Self::with_gains(machine, &machine.axes[axis], machine.gains(axis, set))
+    }
+
+    /// Loops of an axis that may be another than that of the machine, with gains that may be in none of its
+    /// sets.
+    pub const fn with_gains(machine: &'m Machine, axis: &'m Axis, gains: &'m Gains) -> Self {
+        Self { machine, axis, gains }
     }
 
     /// Margins of the velocity loop.
@@ -89,6 +100,23 @@ impl<'m> Loops<'m> {
         let estimate_s = -self.axis.velocity_estimate.response(period, turn).arg() / turn;
         let held_s = 0.5 * period.as_s() + self.axis.sheet.command_delay(period).as_s();
         held_s + self.axis.plant.actuator.dead_time.as_s() + self.axis.feedback_latency.as_s() + estimate_s
+    }
+
+    /// Current that the counts of the motor encoder make in the closed velocity loop, rms: each position is off
+    /// by a chance share of a count, evenly, and independently of the one before.
+    pub fn current_noise(&self) -> Current {
+        let period = self.machine.cycle.period;
+        let plant = &self.axis.plant;
+        let share = |step: u32| {
+            let omega = PI * (f64::from(step) + 0.5) / f64::from(NOISE_STEPS) / period.as_s();
+            let velocity = self.axis.velocity_estimate.response(period, omega) * Complex::new(0.0, omega);
+            let torque = velocity * self.gains.velocity.response(period, omega);
+            (torque / (self.velocity_open(omega) + 1.0)).norm_sqr()
+        };
+        let mean = (0..NOISE_STEPS).map(share).sum::<f64>() / f64::from(NOISE_STEPS);
+        let count_rms_m = self.axis.scale.motor_resolution().abs().as_m() / 12.0_f64.sqrt();
+        let torque_nm = mean.sqrt() * count_rms_m / plant.mechanics.travel_per_rad_m();
+        plant.actuator.current(Torque::nm(torque_nm))
     }
 
     /// Open velocity loop.
