@@ -161,7 +161,8 @@ impl<'m> Loops<'m> {
 
     /// Motor position per velocity command of the position loop: held over its ticks, then `T / s`.
     fn travel_per_command(&self, omega: f64) -> Complex<f64> {
-        let closed = self.forward(omega) / (self.velocity_open(omega) + 1.0);
+        let forward = self.forward(omega);
+        let closed = forward / (forward * self.seen(omega) + 1.0);
         let tick_s = self.machine.cycle.period.as_s();
         // The velocity loop sees the held command tick by tick: a mean of delayed ticks.
         let every = self.machine.cycle.position_every;
