@@ -14,7 +14,7 @@ use quadrant::base::record::{CycleRecord, ModeTag};
 use quadrant::base::sample::Freshness;
 use quadrant::base::time::Span;
 use quadrant::rt::cycle::pace::Virtual;
-use quadrant::rt::cycle::procedure::{CircleProcedure, CircleTest, Ending};
+use quadrant::rt::cycle::procedure::{CircleTest, Ending, Procedure};
 use quadrant::rt::cycle::standby::Standby;
 use quadrant::rt::cycle::{Cycle, conduct};
 use quadrant::rt::door::{Order, Orders};
@@ -54,13 +54,13 @@ fn conducted(name: &str, rack: Rack, orders: &mut impl Orders) -> Vec<CycleRecor
 }
 
 /// Faster than a tenth of a second can brake.
-fn fast_circle(name: &str, wish: &Arc<AtomicBool>) -> CircleProcedure {
+fn fast_circle(name: &str, wish: &Arc<AtomicBool>) -> Procedure {
     let test = CircleTest {
         gain_set: 0,
         circles: [Some(circle(8_000.0, Direction::Ccw)), None],
         positioning_feed: machine(name).motion.positioning_feed,
     };
-    CircleProcedure::new(test, Arc::clone(wish))
+    Procedure::new(test, Arc::clone(wish))
 }
 
 fn assert_at_rest(name: &str, records: &[CycleRecord]) {

@@ -18,6 +18,22 @@ use rstest::rstest;
 /// Cycles under guard.
 const CYCLES: u64 = 100_000;
 
+#[test]
+fn an_excited_motion_touches_no_heap() {
+    let mut rig = Rig::new(common::machine("reference"), 9);
+    rig.enable();
+    rig.order(Order::Excited(rig.excited_to(120.0, 20.0)));
+    rig.run_until(ModeTag::Moving, 8);
+    let (mut measured, mut excited) = (0, 0);
+    let before = touched();
+    while rig.step().axes[common::X].mode == ModeTag::Moving {
+        measured += u64::from(rig.last.stage.is_measured);
+        excited += u64::from(rig.axis(common::X).command.terms.excitation != Velocity::ZERO);
+    }
+    assert_eq!(touched() - before, 0, "allocations and frees in an excited motion");
+    assert!(measured == 2_000 && excited > 4_000, "{measured} cycles measured, {excited} excited");
+}
+
 #[rstest]
 fn a_hundred_thousand_cycles_of_a_circle_touch_no_heap(#[values("reference", "classic")] machine: &str) {
     let mut rig = Rig::new(common::machine(machine), 9);

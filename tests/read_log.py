@@ -41,7 +41,7 @@ def main(log, table, inputs):
     with open(log, "rb") as file, open(table, newline="") as text, open(inputs, newline="") as told_text:
         reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
         facts = {record.name: record.metadata for record in reader.iter_metadata()}["quadrant"]
-        assert facts["format_version"] == "5", facts
+        assert facts["format_version"] == "6", facts
         assert [attachment.name for attachment in reader.iter_attachments()] == ["machine.toml"]
 
         lines, told_lines = csv.DictReader(text), csv.DictReader(told_text)

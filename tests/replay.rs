@@ -12,8 +12,9 @@ use std::time::Duration;
 use common::{X, machine};
 use eventful::{Kept, eventful};
 use quadrant::base::input::{Input, Inputs, What};
-use quadrant::base::record::ModeTag;
+use quadrant::base::record::{CycleRecord, ModeTag};
 use quadrant::base::time::Moment;
+use quadrant::base::units::Velocity;
 use quadrant::log::schema::difference;
 use quadrant::log::{Pace, Reader, Writer, recover};
 use quadrant::offline::recorded::{RecordedCycle, StartError};
@@ -36,7 +37,7 @@ fn first_difference(name: &str, kept: &Kept) -> Option<(u64, String)> {
 
 #[rstest]
 fn whatever_happened_comes_out_again_bit_for_bit(#[values("reference", "classic")] name: &str) {
-    let (mut moved, mut faulted, mut told, mut late, mut repeated) = (0, 0, 0, 0, 0);
+    let (mut moved, mut faulted, mut told, mut late, mut repeated, mut excited) = (0, 0, 0, 0, 0, 0);
     for seed in 0..60 {
         let (kept, _) = eventful(name, seed);
         assert_eq!(first_difference(name, &kept), None, "seed {seed}");
@@ -46,10 +47,14 @@ fn whatever_happened_comes_out_again_bit_for_bit(#[values("reference", "classic"
         moved += u32::from(any(ModeTag::Moving));
         faulted += u32::from(any(ModeTag::Faulted));
         told += kept.iter().map(|(_, inputs)| inputs.len()).sum::<usize>();
+        let is_excited =
+            |(record, _): &&(CycleRecord, _)| record.axes[X].command.terms.excitation != Velocity::ZERO;
+        excited += kept.iter().filter(is_excited).count();
         let links = kept[kept.len() - 1].0.axes.map(|_, axis| axis.link);
         late += links.as_slice().iter().map(|link| link.late).sum::<u32>();
         repeated += links.as_slice().iter().map(|link| link.repeated).sum::<u32>();
     }
+    assert!(excited > 500, "{excited} cycles of an excited motion");
     assert!(late > 500 && repeated > 500, "{late} frames late, {repeated} repeated");
     assert!(moved >= 30 && faulted >= 15 && told > 5_000, "{moved} moved, {faulted} faulted, {told} inputs");
 }

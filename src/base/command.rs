@@ -62,12 +62,15 @@ impl Limits {
 pub struct Terms {
     /// Setpoint minus measured position.
     pub following_error: Position,
-    /// Where the axis would be without friction: the position loop's own response to the setpoint.
+    /// Where the axis would be without friction: the position loop's own response to the setpoint, and the
+    /// excitation.
     pub expected_position: Position,
-    /// Velocity of that response; the feed-forwards look at it.
+    /// Velocity of that response, without the excitation; the feed-forwards look at it.
     pub expected_velocity: Velocity,
     /// Output of the position loop, held between its ticks.
     pub velocity_command: Velocity,
+    /// Added to it at each tick.
+    pub excitation: Velocity,
     /// Proportional part of the velocity loop.
     pub proportional: Torque,
     /// Integral part, or the lag of Eq. (5).

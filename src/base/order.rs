@@ -2,8 +2,9 @@
 //!
 //! Invariant: an order says everything about what is wanted; nothing of it is looked up later.
 
-use super::axis::PerAxis;
+use super::axis::{AxisId, PerAxis};
 use super::motion::Circle;
+use super::time::Span;
 use super::units::{Acceleration, Position, Velocity};
 
 /// A circle with what leads into it and out of it.
@@ -30,6 +31,34 @@ pub struct LineMotion {
     pub acceleration: Acceleration,
 }
 
+/// A sum of sines for the velocity command of one axis, periodic; `rt/control/excitation` says which.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Excitation {
+    /// Which axis.
+    pub axis: AxisId,
+    /// Of each line.
+    pub amplitude: Velocity,
+    /// After which it repeats: a whole number of periods of the cycle.
+    pub period: Span,
+    /// Lowest line, as a multiple of the frequency of the period.
+    pub harmonic_min: u32,
+    /// Highest line, likewise.
+    pub harmonic_max: u32,
+    /// How many lines.
+    pub lines: u8,
+    /// How often the period is repeated for the evaluation.
+    pub repeats: u32,
+}
+
+/// A straight move in whose steady part one axis is excited.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ExcitedMotion {
+    /// The move.
+    pub line: LineMotion,
+    /// What is added to it.
+    pub excitation: Excitation,
+}
+
 /// What the cycle can be told.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Order {
@@ -47,4 +76,6 @@ pub enum Order {
     Line(LineMotion),
     /// Move in a circle.
     Circle(CircleMotion),
+    /// Move straight with an excitation.
+    Excited(ExcitedMotion),
 }

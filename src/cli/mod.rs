@@ -10,6 +10,7 @@ mod hil;
 mod identify;
 mod import;
 mod latency;
+mod live;
 mod log;
 mod playback;
 mod replay;

@@ -1,12 +1,16 @@
 //! Tables for the terminal.
 
+use std::collections::BTreeMap;
+
 use comfy_table::{CellAlignment, Table, presets};
+use serde_json::Value;
 
 use crate::log::header::IMPORTED;
 use crate::log::timing::Share;
 use crate::log::{Header, Summary};
 use crate::offline::check::{MachineReport, Row};
 use crate::offline::circle::{CircularTest, PointAnalysis, Quadrant};
+use crate::offline::identify::plan::{Part, Purpose};
 use crate::offline::identify::{Estimate, Finding, Findings};
 use crate::offline::report::TestSheet;
 use crate::offline::tune::Judged;
@@ -56,6 +60,21 @@ pub(super) fn front(objectives: &[&str], front: &[Judged]) -> String {
     for Judged { choice, objectives, .. } in front {
         let gains = [choice.v_p, choice.v_i, choice.kp_per_s];
         rows.add_row(objectives.iter().chain(&gains).map(|value| format!("{value:.3}")));
+    }
+    rows.to_string()
+}
+
+/// What the experiments of each purpose do.
+pub(super) fn experiments(parts: &BTreeMap<Purpose, Part>) -> String {
+    let mut rows = table(&["experiment", "motions", "way", "up to", "time"]);
+    for (purpose, part) in parts {
+        rows.add_row([
+            purpose.name().to_owned(),
+            part.motions.to_string(),
+            format!("{:.0} mm", part.way_mm),
+            format!("{:.2} mm/s", part.top_speed_mm_per_s),
+            format!("{:.0} s", part.duration_s),
+        ]);
     }
     rows.to_string()
 }
@@ -182,9 +201,14 @@ pub(super) fn log_table(started: &str, header: &Header, summary: &Summary) -> St
         format!("99 %: {:.1} us, max {:.1} us", summary.wake_error_us_p99, summary.wake_error_us_max)
     };
     fact("wake-up error", wake_error);
-    for (number, motion) in &header.motions {
-        fact(&format!("motion {number}"), motion.to_string());
+    for (number, motion) in header.motions.iter().take(MOTIONS_SHOWN) {
+        fact(&format!("motion {number}"), motion_in_words(motion));
     }
+    let more = header.motions.len().saturating_sub(MOTIONS_SHOWN);
+    if more > 0 {
+        fact("", format!("and {more} more, all of them with --json"));
+    }
+    facts.column_iter_mut().for_each(|column| column.set_cell_alignment(CellAlignment::Left));
     let mut axes = table(&["axis", "following error, um", "current, A", "cycles by mode"]);
     for axis in &summary.axes {
         let modes: Vec<String> =
@@ -204,6 +228,57 @@ pub(super) fn log_table(started: &str, header: &Header, summary: &Summary) -> St
         );
     }
     lines
+}
+
+/// Motions of a log that are told one by one.
+const MOTIONS_SHOWN: usize = 12;
+/// Longest list that is told value by value.
+const LIST_SHOWN: usize = 3;
+
+/// Units that keys end with, longer ones first.
+const UNITS: [(&str, &str); 8] = [
+    ("_mm_per_min", " mm/min"),
+    ("_m_per_s2", " m/s2"),
+    ("_mm_per_s", " mm/s"),
+    ("_mm", " mm"),
+    ("_um", " um"),
+    ("_deg", " deg"),
+    ("_ms", " ms"),
+    ("_s", " s"),
+];
+
+/// What a header says of a motion: its kind first, then each key with its value.
+fn motion_in_words(motion: &Value) -> String {
+    let Value::Object(keys) = motion else { return value_in_words(motion) };
+    let kind = keys.get("kind").map(value_in_words);
+    let rest = keys.iter().filter(|(key, value)| *key != "kind" && !value.is_null());
+    let rest = rest.map(|(key, value)| {
+        let suffixed = UNITS.iter().find_map(|(suffix, unit)| Some((key.strip_suffix(suffix)?, unit)));
+        let (name, unit) = suffixed.map_or((key.as_str(), ""), |(name, unit)| (name, *unit));
+        format!("{} {}{unit}", name.replace('_', " "), value_in_words(value))
+    });
+    kind.into_iter().chain(rest).collect::<Vec<_>>().join(", ")
+}
+
+fn value_in_words(value: &Value) -> String {
+    match value {
+        Value::String(text) => text.clone(),
+        Value::Null => "-".to_owned(),
+        Value::Number(number) if number.is_f64() => {
+            let text = format!("{:.4}", number.as_f64().unwrap_or(f64::NAN));
+            text.trim_end_matches('0').trim_end_matches('.').to_owned()
+        }
+        Value::Array(list) if list.len() <= LIST_SHOWN => {
+            format!("({})", list.iter().map(value_in_words).collect::<Vec<_>>().join(", "))
+        }
+        Value::Array(list) => match list.as_slice() {
+            [first, .., last] => {
+                format!("{} values from {} to {}", list.len(), value_in_words(first), value_in_words(last))
+            }
+            [_] | [] => String::new(),
+        },
+        Value::Bool(_) | Value::Number(_) | Value::Object(_) => value.to_string(),
+    }
 }
 
 /// What a machine file implies: the cycle, each axis, its gain sets side by side, what to look at twice.

@@ -10,7 +10,7 @@ use super::sheet_file::{self, Shelf};
 use crate::base::axis::PerAxis;
 use crate::base::time::Span;
 use crate::base::units::{Acceleration, Current, Force, Position, Velocity};
-use crate::plant::{self, Actuator, Mechanics, friction};
+use crate::plant::{self, Actuator, Mechanics, Ripple, friction};
 use crate::rt::control::{self, GAIN_SETS_MAX, Gains, compensation, limits::Limits, position, velocity_pi};
 use crate::rt::cycle::bucket::BucketLimit;
 use crate::rt::cycle::mode::Patience;
@@ -167,11 +167,9 @@ fn axis(section: Section<'_>, cycle: &Cycle, sets: &[String], shelf: &Shelf<'_>)
     let senses = (sense(&encoder), table.as_ref().map_or(Sense::Along, sense));
     let sheet = sheet(board, encoder, table, &actuator, shelf);
     drive.close();
-    let plant = plant::Parameters {
-        mechanics: mechanics(section.section("mechanics")),
-        friction: friction(section.section("friction")),
-        actuator,
-    };
+    let (friction, ripple) = friction(section.section("friction"));
+    let plant =
+        plant::Parameters { mechanics: mechanics(section.section("mechanics")), friction, actuator, ripple };
     let scale = AxisScale::new(&ScaleSettings {
         lead: Position::m(plant.mechanics.lead_m),
         motor_counts_per_rev: sheet.motor_counts_per_rev,
@@ -258,7 +256,7 @@ fn mechanics(section: Section<'_>) -> Mechanics {
     mechanics
 }
 
-fn friction(section: Section<'_>) -> friction::Parameters {
+fn friction(section: Section<'_>) -> (friction::Parameters, Ripple) {
     let variants = [("nonlinear", friction::Variant::Nonlinear), ("linear", friction::Variant::Linear)];
     let parameters = friction::Parameters {
         variant: section.choice("variant", &variants),
@@ -268,8 +266,10 @@ fn friction(section: Section<'_>) -> friction::Parameters {
         fall_start: Velocity::mm_per_s(section.number("fall-start-mm-per-s", 0.0..=100.0, "mm/s")),
         viscous_n_s_per_m: section.number("viscous-n-s-per-mm", 0.0..=1_000.0, "N s/mm") * 1e3,
     };
+    // Its phase is the seed's: nobody knows how a screw is mounted.
+    let share = section.number("ripple-percent", 0.0..=50.0, "%") * 1e-2;
     section.close();
-    parameters
+    (parameters, Ripple { share, ..Ripple::NONE })
 }
 
 fn limits(section: Section<'_>) -> Limits {

@@ -278,7 +278,7 @@ pub(super) mod tests {
         keys.insert("format_version".to_owned(), (schema::VERSION + 1).to_string());
         keys.insert(CHECKSUM.to_owned(), checksum(&keys));
         let message = read(&keys).unwrap_err().to_string();
-        assert_eq!(message, "run.mcap: log format version 6, this program reads version 5 only");
+        assert_eq!(message, "run.mcap: log format version 7, this program reads version 6 only");
     }
 
     #[test]

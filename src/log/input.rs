@@ -3,12 +3,12 @@
 //!
 //! Invariant: an input read is bit for bit the input written.
 
-use crate::base::axis::{AXES_MAX, PerAxis};
+use crate::base::axis::{AXES_MAX, AxisId, PerAxis};
 use crate::base::frame::{Format, Frame, Id, Received};
 use crate::base::input::{Input, What};
 use crate::base::motion::{Circle, Direction};
-use crate::base::order::{CircleMotion, LineMotion, Order};
-use crate::base::time::Moment;
+use crate::base::order::{CircleMotion, Excitation, ExcitedMotion, LineMotion, Order};
+use crate::base::time::{Moment, Span};
 use crate::base::units::{Acceleration, Position, Velocity};
 
 use super::cdr::{Decoder, Sink};
@@ -24,21 +24,23 @@ pub const SCHEMA: &str = "\
 uint64 cycle  # [-] number of the cycle that took it
 int64 at_ns  # [ns] frame: when it came, on the run's clock
 uint64[8] payload  # [-] frame: its bytes, the first is the lowest of the first word
-float64[10] values  # [-] order: line: axes, target in m (3), feed in m/s, acceleration in m/s^2; circle: centre in m (2), radius in m, feed in m/s, sign of rotation, start angle in rad, revolutions, run-in in s, run-out in s, acceleration in m/s^2; use-gains: number of the set
+float64[16] values  # [-] order: line: axes, target in m (3), feed in m/s, acceleration in m/s^2; circle: centre in m (2), radius in m, feed in m/s, sign of rotation, start angle in rad, revolutions, run-in in s, run-out in s, acceleration in m/s^2; excited: as line, then axis, amplitude in m/s, period in ns, lowest and highest harmonic, lines, repeats; use-gains: number of the set
 uint16 identifier  # [-] frame: identifier, of a report the error classes
-uint8 kind  # [-] 0 frame, 1 enable, 2 disable, 3 stop, 4 clear-faults, 5 use-gains, 6 line, 7 circle, 8 heartbeat before the first cycle
+uint8 kind  # [-] 0 frame, 1 enable, 2 disable, 3 stop, 4 clear-faults, 5 use-gains, 6 line, 7 circle, 8 heartbeat before the first cycle, 9 excited
 uint8 place  # [-] frame: how many frames the cycle had received before it
 uint8 format  # [-] frame: 0 classic, 1 FD, 2 FD with bit rate switch, 3 report of the own controller
 uint8 length  # [-] frame: bytes of its payload
 ";
 
 /// Length of a message in bytes.
-pub(super) const MESSAGE_BYTES: usize = 4 + 2 * 8 + 8 * 8 + 10 * 8 + 2 + 4;
+pub(super) const MESSAGE_BYTES: usize = 4 + 2 * 8 + 8 * 8 + 16 * 8 + 2 + 4;
 
 /// Kind of a frame that was heard before the first cycle.
 const BEFORE: u8 = 8;
 const WORDS: usize = 8;
-const VALUES: usize = 10;
+const VALUES: usize = 16;
+/// How many of them a line takes: axes, targets, feed, acceleration.
+const LINE_VALUES: usize = 3 + AXES_MAX;
 
 /// An input as numbers.
 #[derive(Default)]
@@ -98,16 +100,11 @@ impl Row {
                 5
             }
             Order::Line(line) => {
-                values[0] = line.target.count() as f64;
-                for (value, target) in values[1..].iter_mut().zip(line.target.as_slice()) {
-                    *value = target.as_m();
-                }
-                values[1 + AXES_MAX] = line.feed.as_m_per_s();
-                values[2 + AXES_MAX] = line.acceleration.as_m_per_s2();
+                put_line(line, &mut values);
                 6
             }
             Order::Circle(CircleMotion { circle, run_in_s, run_out_s, acceleration }) => {
-                values = [
+                let numbers = [
                     circle.centre_x.as_m(),
                     circle.centre_y.as_m(),
                     circle.radius.as_m(),
@@ -119,7 +116,22 @@ impl Row {
                     *run_out_s,
                     acceleration.as_m_per_s2(),
                 ];
+                values[..numbers.len()].copy_from_slice(&numbers);
                 7
+            }
+            Order::Excited(ExcitedMotion { line, excitation }) => {
+                put_line(line, &mut values);
+                let numbers = [
+                    excitation.axis.index() as f64,
+                    excitation.amplitude.as_m_per_s(),
+                    excitation.period.as_ns() as f64,
+                    f64::from(excitation.harmonic_min),
+                    f64::from(excitation.harmonic_max),
+                    f64::from(excitation.lines),
+                    f64::from(excitation.repeats),
+                ];
+                values[LINE_VALUES..LINE_VALUES + numbers.len()].copy_from_slice(&numbers);
+                9
             }
         };
         Self { kind, values, ..Self::default() }
@@ -154,21 +166,7 @@ impl Row {
             3 => Order::Stop,
             4 => Order::ClearFaults,
             5 => Order::UseGains(value(0) as u8),
-            6 => {
-                let axes = value(0) as usize;
-                if !(1..=AXES_MAX).contains(&axes) {
-                    return None;
-                }
-                let mut target = PerAxis::filled(axes, Position::ZERO);
-                for (slot, m) in target.as_mut_slice().iter_mut().zip(&self.values[1..]) {
-                    *slot = Position::m(*m);
-                }
-                Order::Line(LineMotion {
-                    target,
-                    feed: Velocity::m_per_s(value(1 + AXES_MAX)),
-                    acceleration: Acceleration::m_per_s2(value(2 + AXES_MAX)),
-                })
-            }
+            6 => Order::Line(self.line()?),
             7 => Order::Circle(CircleMotion {
                 circle: Circle {
                     centre_x: Position::m(value(0)),
@@ -183,9 +181,51 @@ impl Row {
                 run_out_s: value(8),
                 acceleration: Acceleration::m_per_s2(value(9)),
             }),
+            9 => {
+                let line = self.line()?;
+                let value = |place: usize| self.values[LINE_VALUES + place];
+                let axis = AxisId::new(Some(value(0) as usize).filter(|axis| *axis < AXES_MAX)?);
+                Order::Excited(ExcitedMotion {
+                    line,
+                    excitation: Excitation {
+                        axis,
+                        amplitude: Velocity::m_per_s(value(1)),
+                        period: Span::ns(value(2) as i64),
+                        harmonic_min: value(3) as u32,
+                        harmonic_max: value(4) as u32,
+                        lines: value(5) as u8,
+                        repeats: value(6) as u32,
+                    },
+                })
+            }
             _ => return None,
         })
     }
+
+    fn line(&self) -> Option<LineMotion> {
+        let axes = self.values[0] as usize;
+        if !(1..=AXES_MAX).contains(&axes) {
+            return None;
+        }
+        let mut target = PerAxis::filled(axes, Position::ZERO);
+        for (slot, m) in target.as_mut_slice().iter_mut().zip(&self.values[1..]) {
+            *slot = Position::m(*m);
+        }
+        Some(LineMotion {
+            target,
+            feed: Velocity::m_per_s(self.values[1 + AXES_MAX]),
+            acceleration: Acceleration::m_per_s2(self.values[2 + AXES_MAX]),
+        })
+    }
+}
+
+fn put_line(line: &LineMotion, values: &mut [f64; VALUES]) {
+    values[0] = line.target.count() as f64;
+    for (value, target) in values[1..].iter_mut().zip(line.target.as_slice()) {
+        *value = target.as_m();
+    }
+    values[1 + AXES_MAX] = line.feed.as_m_per_s();
+    values[2 + AXES_MAX] = line.acceleration.as_m_per_s2();
 }
 
 /// Hands the numbers of `input` to `sink`, in order of the message.
@@ -251,6 +291,15 @@ pub(super) mod tests {
         let mut target = PerAxis::filled(2, Position::ZERO);
         target.as_mut_slice().copy_from_slice(&[Position::m(0.1), Position::m(-1e-9)]);
         let line = LineMotion { target, feed: circle.circle.feed, acceleration: circle.acceleration };
+        let excitation = Excitation {
+            axis: AxisId::Y,
+            amplitude: Velocity::m_per_s(0.1 / 3.0),
+            period: Span::ns(999_999_500),
+            harmonic_min: 4,
+            harmonic_max: u32::MAX,
+            lines: 255,
+            repeats: 7,
+        };
         let orders = [
             Order::Enable,
             Order::Disable,
@@ -259,6 +308,7 @@ pub(super) mod tests {
             Order::UseGains(255),
             Order::Line(line),
             Order::Circle(circle),
+            Order::Excited(ExcitedMotion { line, excitation }),
         ];
         let id = Id::from_low_bits(0x701);
         let every_byte = std::array::from_fn::<u8, 64, _>(|byte| 255 - byte as u8);
@@ -299,8 +349,8 @@ pub(super) mod tests {
         encoder.restart();
         put(&examples()[0], &mut encoder);
         let mut message = encoder.bytes().to_vec();
-        message[MESSAGE_BYTES - 4] = 9;
+        message[MESSAGE_BYTES - 4] = 10;
         let refusal = decode(&message).unwrap_err().to_string();
-        assert!(refusal.contains("`kind` holds 9"), "{refusal}");
+        assert!(refusal.contains("`kind` holds 10"), "{refusal}");
     }
 }

@@ -18,7 +18,7 @@ use crate::base::units::{Acceleration, Current, Position, Torque, Velocity};
 use super::cdr::{Decoder, Sink, Wire};
 
 /// Version of the log format: of the tables in this file and of the header's keys.
-pub const VERSION: u32 = 5;
+pub const VERSION: u32 = 6;
 /// Where the cycles are.
 pub const TOPIC: &str = "/cycle";
 /// Name of their schema.
@@ -187,8 +187,9 @@ table!(AxisRecord as AXIS_FIELDS, put_axis, take_axis {
     command_current_a: f64 ["A"] = command.current, "current asked of the drive";
     following_error_m: f64 ["m"] = command.terms.following_error, "setpoint minus motor position";
     expected_position_m: f64 ["m"] = command.terms.expected_position, "where the axis would be without friction";
-    expected_velocity_m_per_s: f64 ["m/s"] = command.terms.expected_velocity, "velocity of that response";
+    expected_velocity_m_per_s: f64 ["m/s"] = command.terms.expected_velocity, "velocity of that response, without the excitation";
     velocity_command_m_per_s: f64 ["m/s"] = command.terms.velocity_command, "output of the position loop";
+    excitation_m_per_s: f64 ["m/s"] = command.terms.excitation, "added to it in an excited motion";
     proportional_nm: f64 ["N m"] = command.terms.proportional, "proportional part of the velocity loop";
     integral_nm: f64 ["N m"] = command.terms.integral, "integral part of the velocity loop";
     friction_nm: f64 ["N m"] = command.terms.friction, "feed-forward of the friction law";

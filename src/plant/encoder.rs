@@ -57,24 +57,27 @@ impl Latch {
         let steps = (back / self.step).min(self.knots.len() as i64 - 2);
         let age = (back - self.step * steps).as_s() / self.step.as_s();
         let to = self.knot(steps as usize);
-        if age == 0.0 { to.position } else { self.between(self.knot(steps as usize + 1), to, age.min(1.0)) }
+        if age == 0.0 {
+            return to.position;
+        }
+        between(&self.knot(steps as usize + 1), &to, 1.0 - age.min(1.0), self.step)
     }
 
     /// The end of a step, by how many came after it.
     fn knot(&self, back: usize) -> Knot {
         self.knots[(self.newest + self.knots.len() - back) % self.knots.len()]
     }
+}
 
-    /// Within a step, `age` of it before its end.
-    fn between(&self, from: Knot, to: Knot, age: f64) -> Position {
-        let (s, step_s) = (1.0 - age, self.step.as_s());
-        let (s2, s3) = (s * s, s * s * s);
-        let travel = to.position - from.position;
-        from.position
-            + travel * (3.0 * s2 - 2.0 * s3)
-            + Position::m(from.velocity.as_m_per_s() * step_s) * (s3 - 2.0 * s2 + s)
-            + Position::m(to.velocity.as_m_per_s() * step_s) * (s3 - s2)
-    }
+/// Within a step: the cubic through position and velocity at both of its ends, at a share of the step from 0 to 1.
+pub(super) fn between(from: &Knot, to: &Knot, share: f64, step: Span) -> Position {
+    let (s, step_s) = (share, step.as_s());
+    let (s2, s3) = (s * s, s * s * s);
+    let travel = to.position - from.position;
+    from.position
+        + travel * (3.0 * s2 - 2.0 * s3)
+        + Position::m(from.velocity.as_m_per_s() * step_s) * (s3 - 2.0 * s2 + s)
+        + Position::m(to.velocity.as_m_per_s() * step_s) * (s3 - s2)
 }
 
 #[cfg(test)]

@@ -14,6 +14,7 @@
 //! the protrusion of a circle within a few nanometres (`cargo bench --bench plant`).
 //! Invariant: pure functions of parameters, state, input and time step; no clock, no randomness.
 
+pub mod driven;
 mod effects;
 pub mod encoder;
 pub mod friction;
@@ -27,6 +28,8 @@ pub use params::{Actuator, Mechanics, Parameters};
 use crate::base::time::Span;
 use crate::base::units::{Current, Position, Velocity};
 use effects::backlash::{Gap, Ladder};
+pub use effects::ripple::Ripple;
+use effects::ripple::Turn;
 use friction::Law;
 use maps::{Motion, StepMaps};
 
@@ -86,6 +89,7 @@ struct Body {
     /// -1 or +1 while the table slides, 0 while it sticks.
     slide: f64,
     gap: Gap,
+    turn: Turn,
 }
 
 /// One axis in motion.
@@ -161,6 +165,7 @@ impl Plant {
                 motion,
                 slide,
                 gap,
+                turn: Turn::new(axis.ripple, axis.mechanics.lead_m),
             },
         }
     }
@@ -258,7 +263,9 @@ impl Body {
 
     /// A standing table tears loose when the screw pulls harder than friction can hold.
     fn break_away(&mut self, pull_n: f64) {
-        if pull_n.abs() > self.law.breakaway().as_n() {
+        let even_n = self.law.breakaway().as_n();
+        let held_n = if self.turn.is_none() { even_n } else { even_n * self.turn.factor(&self.motion) };
+        if pull_n.abs() > held_n {
             self.slide = pull_n.signum();
         }
     }
@@ -267,15 +274,22 @@ impl Body {
     // Always: as a call, whose answer goes through memory, a tick takes 25.5 ns instead of 19.5 ns.
     #[inline(always)]
     fn slid(&self, map: &maps::Map, command_n: f64) -> Motion {
-        let start_n = self.law.magnitude_n(self.table_speed());
+        let start_n = self.friction_n(self.table_speed(), &self.motion);
         let mut end = map.apply(&self.motion, command_n, start_n * self.slide);
         let end_speed = end[2] * self.slide;
         let slower = end_speed.min(self.table_speed());
-        if !self.law.is_flat_above(slower) {
-            let end_n = self.law.magnitude_n(end_speed.max(0.0));
+        if !(self.law.is_flat_above(slower) && self.turn.is_none()) {
+            let end_n = self.friction_n(end_speed.max(0.0), &end);
             map.correct(&mut end, 0.5 * (end_n - start_n) * self.slide);
         }
         end
+    }
+
+    /// Friction against the table at a speed and where it is, N.
+    #[inline(always)]
+    fn friction_n(&self, speed_m_per_s: f64, motion: &Motion) -> f64 {
+        let even_n = self.law.magnitude_n(speed_m_per_s);
+        if self.turn.is_none() { even_n } else { even_n * self.turn.factor(motion) }
     }
 
     fn table_speed(&self) -> f64 {

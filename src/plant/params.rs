@@ -7,7 +7,7 @@
 
 use std::f64::consts::TAU;
 
-use super::friction;
+use super::{Ripple, friction};
 use crate::base::time::Span;
 use crate::base::units::{Acceleration, Current, Force, Position, Torque};
 
@@ -110,6 +110,8 @@ pub struct Parameters {
     pub friction: friction::Parameters,
     /// Drive and motor.
     pub actuator: Actuator,
+    /// How friction varies along the screw; the control does not know it.
+    pub ripple: Ripple,
 }
 
 impl Parameters {

@@ -34,6 +34,7 @@ pub(crate) fn paper_axis() -> Parameters {
             dead_time: Span::ZERO,
             peak_current: Current::a(60.0),
         },
+        ripple: Ripple::NONE,
     }
 }
 

@@ -4,6 +4,8 @@
 //! [`Axis::hear`] gives a frame to the board, SYNC among them, at a moment since the last step.
 //! Invariant: the board learns of the plant only what its sensors show.
 
+use std::f64::consts::TAU;
+
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64Mcg;
@@ -63,18 +65,22 @@ pub(super) struct Axis {
 
 impl Axis {
     /// An axis at rest whose board gets power at `now`. The seed decides where the encoders' counters
-    /// stand and what the noise is.
+    /// stand, what the noise is and where on its turn a screw begins.
     pub(super) fn new(settings: &AxisSettings, stepping: Stepping, seed: u64, now: Moment) -> Self {
         let AxisSettings { node, layout, sheet, feedback_latency, .. } = *settings;
         let Stepping { step, fine_steps } = stepping;
         let mut random = Pcg64Mcg::seed_from_u64(seed);
         let [motor, table] = [(); 2].map(|()| EncoderCounts::counts(random.random()));
         let serial = random.random();
+        let mut parameters = settings.plant;
+        if !parameters.ripple.is_none() {
+            parameters.ripple.phase_rad = random.random_range(0.0..TAU);
+        }
         Self {
             settings: *settings,
             board: Board::new(node, layout, sheet, serial, motor, table, now),
-            plant: Plant::with_fine_steps(&settings.plant, step, fine_steps),
-            parameters: settings.plant,
+            plant: Plant::with_fine_steps(&parameters, step, fine_steps),
+            parameters,
             motor: Latch::new(feedback_latency, step),
             table: Latch::new(feedback_latency, step),
             noise: Normal::new(0.0, settings.current_noise.as_a()).ok().filter(|noise| noise.std_dev() > 0.0),

@@ -21,7 +21,7 @@ use quadrant::offline::circle::{self, CircularTest, Run};
 use quadrant::offline::report::{self, TestSheet};
 use quadrant::offline::trace::Trace;
 use quadrant::rt::cycle::pace::Virtual;
-use quadrant::rt::cycle::procedure::CircleProcedure;
+use quadrant::rt::cycle::procedure::Procedure;
 use quadrant::rt::cycle::{Cycle, conduct};
 use quadrant::rt::door::{Records, record_ring};
 use quadrant::sim::closed_loop::{Patient, Wired};
@@ -121,7 +121,7 @@ fn run(machine: &Machine, request: &CircleRequest, records: &mut impl Records) {
     let drives = drives.expect("a simulated board says what its sheet says");
     let mut cycle = Cycle::new(machine.cycle_settings(), drives, &machine.control_settings());
     let test = machine.circle_test(request).expect("the circle fits the machine");
-    let mut orders = CircleProcedure::new(test, Arc::default());
+    let mut orders = Procedure::new(test, Arc::default());
     conduct(&mut cycle, &mut bus, &mut Virtual::new(machine.cycle.period), &mut orders, records);
 }
 

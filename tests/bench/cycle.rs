@@ -21,7 +21,7 @@ use quadrant::rt::bus::memory::{self, End};
 use quadrant::rt::bus::{Bus, Frame};
 use quadrant::rt::cycle::Cycle;
 use quadrant::rt::cycle::pace::{Pace, Virtual, Wall, monotonic_now};
-use quadrant::rt::cycle::procedure::CircleProcedure;
+use quadrant::rt::cycle::procedure::Procedure;
 use quadrant::rt::door::{Orders, RecordDrain, RecordRing, Records, record_ring};
 use quadrant::rt::thread::{Process, Thread};
 use quadrant::rt::wire::command;
@@ -72,7 +72,7 @@ struct Bench<P> {
     machine_far: End,
     rack: Rack,
     cycle: Cycle,
-    orders: CircleProcedure,
+    orders: Procedure,
     pace: P,
     ring: RecordRing,
     drain: RecordDrain,

@@ -10,7 +10,7 @@ use quadrant::base::units::{Acceleration, Position, Velocity};
 use quadrant::config::Machine;
 use quadrant::rt::control::profile::CircleMotion;
 use quadrant::rt::cycle::pace::Virtual;
-use quadrant::rt::cycle::procedure::{CircleProcedure, CircleTest, Ending};
+use quadrant::rt::cycle::procedure::{CircleTest, Ending, Procedure};
 use quadrant::rt::cycle::{Cycle, conduct};
 use quadrant::rt::door::Records;
 use quadrant::sim::closed_loop::Wired;
@@ -37,13 +37,13 @@ pub(crate) fn paper_circle(revolutions: u32) -> CircleMotion {
 }
 
 /// The orders of a test with one circle.
-pub(crate) fn procedure(machine: &Machine, gains: &str, motion: CircleMotion) -> CircleProcedure {
+pub(crate) fn procedure(machine: &Machine, gains: &str, motion: CircleMotion) -> Procedure {
     let test = CircleTest {
         gain_set: machine.gain_set(gains).expect("the machine has these gains"),
         circles: [Some(motion), None],
         positioning_feed: machine.motion.positioning_feed,
     };
-    CircleProcedure::new(test, Arc::default())
+    Procedure::new(test, Arc::default())
 }
 
 /// The machine's boards on a bus, and its cycle over commissioned drives.

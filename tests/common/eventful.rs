@@ -2,6 +2,7 @@
 
 use quadrant::base::input::Input;
 use quadrant::base::record::{BusState, CycleRecord};
+use quadrant::base::time::Span;
 use quadrant::rt::bus::{Frame, Id};
 use quadrant::rt::door::Order;
 use quadrant::rt::wire::scaling::TravelCounts;
@@ -57,7 +58,7 @@ pub(crate) fn eventful(name: &str, seed: u64) -> (Kept, Vec<Frame>) {
     });
     let mut kept = Vec::new();
     for _ in 0..40 {
-        match random.random_range(0..12) {
+        match random.random_range(0..13) {
             0..4 => rig.order(Order::Enable),
             4 => rig.order(Order::Disable),
             5 => rig.order(Order::UseGains(random.random_range(0..3))),
@@ -65,6 +66,13 @@ pub(crate) fn eventful(name: &str, seed: u64) -> (Kept, Vec<Frame>) {
             8 => rig.order(Order::ClearFaults),
             9 => rig.order(Order::Stop),
             10 => rig.skip(random.random_range(1..4)),
+            11 => {
+                let mut motion = rig.excited_to(random.random_range(-6.0..6.0), 20.0);
+                motion.excitation.period = Span::ms(20);
+                motion.excitation.lines = 3;
+                motion.excitation.harmonic_max = 6;
+                rig.order(Order::Excited(motion));
+            }
             _ if trouble > 0.01 => match random.random_range(0..4) {
                 0 => rig.line.wired.rack_mut().board_mut(X).jump_encoder(TravelCounts::counts(100_000)),
                 1 => rig.line.wired.rack_mut().board_mut(Y).trip_drive(0x2310, 7),

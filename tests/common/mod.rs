@@ -9,6 +9,7 @@ use std::sync::atomic::AtomicBool;
 use quadrant::base::axis::{AxisId, PerAxis};
 use quadrant::base::input::Inputs;
 use quadrant::base::motion::{Circle, Direction};
+use quadrant::base::order::{Excitation, ExcitedMotion};
 use quadrant::base::record::{AxisRecord, CycleRecord, ModeTag, Timing};
 use quadrant::base::time::{Moment, Span};
 use quadrant::base::units::{Acceleration, Position, Velocity};
@@ -16,7 +17,7 @@ use quadrant::config::{self, Machine};
 use quadrant::rt::bus::{Bus, Frame, Received, SendError};
 use quadrant::rt::control::profile::{CircleMotion, LineMotion};
 use quadrant::rt::cycle::pace::{Slot, Virtual};
-use quadrant::rt::cycle::procedure::{CircleProcedure, CircleTest, Ending};
+use quadrant::rt::cycle::procedure::{CircleTest, Ending, Procedure};
 use quadrant::rt::cycle::{Cycle, conduct};
 use quadrant::rt::door::{Order, Orders, Records};
 use quadrant::rt::wire::Address;
@@ -112,7 +113,7 @@ pub(crate) fn run_circles_on(
         circles: std::array::from_fn(|index| circles.get(index).copied()),
         positioning_feed: machine.motion.positioning_feed,
     };
-    let mut procedure = CircleProcedure::new(test, Arc::new(AtomicBool::new(false)));
+    let mut procedure = Procedure::new(test, Arc::new(AtomicBool::new(false)));
     let mut kept = Kept::default();
     let mut grid = Virtual::new(machine.cycle.period);
     let last = conduct(&mut cycle, &mut bus, &mut grid, &mut procedure, &mut kept);
@@ -331,6 +332,21 @@ impl Rig {
             feed: Velocity::mm_per_s(feed_mm_per_s),
             acceleration: Acceleration::m_per_s2(0.5),
         })
+    }
+
+    /// The same with the first axis excited from 8 to 200 Hz for a second at full strength.
+    pub(crate) fn excited_to(&self, place_mm: f64, feed_mm_per_s: f64) -> ExcitedMotion {
+        let Order::Line(line) = self.line_to(place_mm, feed_mm_per_s) else { panic!("a line is a line") };
+        let excitation = Excitation {
+            axis: X,
+            amplitude: Velocity::mm_per_s(0.4),
+            period: Span::ms(500),
+            harmonic_min: 4,
+            harmonic_max: 100,
+            lines: 16,
+            repeats: 2,
+        };
+        ExcitedMotion { line, excitation }
     }
 
     pub(crate) fn axis(&self, axis: AxisId) -> &AxisRecord {

@@ -12,7 +12,9 @@ use proptest::test_runner::{RngSeed, TestCaseError};
 use quadrant::base::axis::PerAxis;
 use quadrant::base::command::Limits;
 use quadrant::base::motion::Direction;
+use quadrant::base::order::{Excitation, ExcitedMotion};
 use quadrant::base::record::{CycleRecord, ModeTag};
+use quadrant::base::time::Span;
 use quadrant::base::units::{Acceleration, Position, Velocity};
 use quadrant::rt::control::profile::LineMotion;
 use quadrant::rt::door::Order;
@@ -44,7 +46,7 @@ fn events() -> impl Strategy<Value = Vec<(Event, u64)>> {
         prop_oneof![4 => -40.0..40.0_f64, 1 => Just(f64::NAN), 1 => Just(f64::INFINITY), 1 => Just(0.0)];
     let feed = prop_oneof![6 => 1.0..150.0_f64, 1 => Just(f64::NAN), 1 => Just(-5.0)];
     let event = prop_oneof![
-        6 => (0_u8..8, odd, feed).prop_map(|(kind, place, feed)| Event::Order(kind, place, feed)),
+        6 => (0_u8..9, odd, feed).prop_map(|(kind, place, feed)| Event::Order(kind, place, feed)),
         1 => (0_u8..6, any::<bool>()).prop_map(|(kind, on)| Event::Fail(kind, on)),
         1 => (1_u64..12).prop_map(Event::Skip),
     ];
@@ -67,13 +69,30 @@ fn order(rig: &Rig, kind: u8, place_mm: f64, feed_mm_per_s: f64) -> Order {
             (motion.circle.centre_x, motion.circle.centre_y) = (x - start_x, y - start_y);
             Order::Circle(motion)
         }
-        _ => Order::Line(LineMotion {
-            target: PerAxis::from_fn(rig.machine.axes.count(), |axis| {
-                Position::mm(place_mm * [1.0, -0.4][axis.index() % 2])
-            }),
-            feed: Velocity::mm_per_s(feed_mm_per_s),
-            acceleration: Acceleration::m_per_s2(0.5),
+        6 | 7 => Order::Line(line(rig, place_mm, feed_mm_per_s)),
+        // Sometimes within the limits, sometimes not.
+        _ => Order::Excited(ExcitedMotion {
+            line: line(rig, place_mm, feed_mm_per_s.min(20.0)),
+            excitation: Excitation {
+                axis: [X, Y][usize::from(place_mm > 0.0)],
+                amplitude: Velocity::mm_per_s(feed_mm_per_s * 0.05),
+                period: Span::ms(50),
+                harmonic_min: 1,
+                harmonic_max: 4,
+                lines: 3,
+                repeats: 1,
+            },
         }),
+    }
+}
+
+fn line(rig: &Rig, place_mm: f64, feed_mm_per_s: f64) -> LineMotion {
+    LineMotion {
+        target: PerAxis::from_fn(rig.machine.axes.count(), |axis| {
+            Position::mm(place_mm * [1.0, -0.4][axis.index() % 2])
+        }),
+        feed: Velocity::mm_per_s(feed_mm_per_s),
+        acceleration: Acceleration::m_per_s2(0.5),
     }
 }
 

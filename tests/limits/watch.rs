@@ -51,8 +51,11 @@ impl Watch {
         ];
         prop_assert!(numbers.into_iter().all(f64::is_finite), "not a number: {row:?}");
         prop_assert!(command.current.abs() <= limits.current, "{} above its limit", command.current);
-        let speed = terms.velocity_command.abs();
-        prop_assert!(speed <= limits.velocity, "velocity command {speed} above {}", limits.velocity);
+        for speed in [terms.velocity_command.abs(), (terms.velocity_command + terms.excitation).abs()] {
+            let most = limits.velocity + Velocity::m_per_s(1e-12);
+            prop_assert!(speed <= most, "velocity command {speed} above {}", limits.velocity);
+        }
+        prop_assert!(is_energised(row) || terms.excitation == Velocity::ZERO, "excited without current");
         if !is_energised(row) {
             prop_assert_eq!(command.current.as_a(), 0.0, "current in {}", row.mode.name());
             self.place = row.sample.position;

@@ -25,7 +25,7 @@ use quadrant::rt::bus::memory::{self, End};
 use quadrant::rt::bus::{Bus, Frame, Received, SendError};
 use quadrant::rt::control::profile::CircleMotion;
 use quadrant::rt::cycle::pace::Virtual;
-use quadrant::rt::cycle::procedure::{CircleProcedure, CircleTest, Ending};
+use quadrant::rt::cycle::procedure::{CircleTest, Ending, Procedure};
 use quadrant::rt::cycle::{Cycle, conduct};
 use quadrant::rt::drive::commission::CommissionSettings;
 use quadrant::rt::drive::sheet::CommandApplies;
@@ -133,7 +133,7 @@ fn run(
         circles: [Some(motion), None],
         positioning_feed: machine.motion.positioning_feed,
     };
-    let mut procedure = CircleProcedure::new(test, Arc::default());
+    let mut procedure = Procedure::new(test, Arc::default());
     let mut kept = Kept::default();
     let last = conduct(&mut cycle, &mut bus, &mut Virtual::new(PERIOD), &mut procedure, &mut kept);
     assert_eq!(procedure.ending(&last), Ending::Complete);

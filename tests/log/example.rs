@@ -141,13 +141,14 @@ pub(crate) fn is_same(one: &CycleRecord, other: &CycleRecord) -> bool {
     bits(one) == bits(other) && text(one) == text(other)
 }
 
-pub(crate) fn floats(axis: &AxisRecord) -> [f64; 16] {
+pub(crate) fn floats(axis: &AxisRecord) -> [f64; 17] {
     let AxisRecord { setpoint, sample, command, .. } = axis;
     let Terms {
         following_error,
         expected_position,
         expected_velocity,
         velocity_command,
+        excitation,
         proportional,
         integral,
         friction,
@@ -166,6 +167,7 @@ pub(crate) fn floats(axis: &AxisRecord) -> [f64; 16] {
         expected_position.as_m(),
         expected_velocity.as_m_per_s(),
         velocity_command.as_m_per_s(),
+        excitation.as_m_per_s(),
         proportional.as_nm(),
         integral.as_nm(),
         friction.as_nm(),
@@ -173,15 +175,21 @@ pub(crate) fn floats(axis: &AxisRecord) -> [f64; 16] {
     ]
 }
 
-/// A log of `chunks` chunks of 50 records each, made by leaving the writer time in between.
+/// A log of `chunks` chunks of 50 records each: the records of a chunk are there at once, and the next follow when
+/// the chunk is in the file.
 pub(crate) fn write_in_chunks(path: &Path, chunks: u64) {
     let (mut ring, consumer) = rtrb::RingBuffer::new(64);
     let writer =
         Writer::start(path, header(2), consumer, rtrb::RingBuffer::new(1).1, Arc::default()).unwrap();
-    for cycle in 0..chunks * CHUNK_RECORDS {
-        ring.push(record(2, cycle)).unwrap();
-        if cycle % CHUNK_RECORDS == CHUNK_RECORDS - 1 {
-            std::thread::sleep(Duration::from_millis(130));
+    let length = || std::fs::metadata(path).unwrap().len();
+    for chunk in 0..chunks {
+        let before = length();
+        let cycles = chunk * CHUNK_RECORDS..(chunk + 1) * CHUNK_RECORDS;
+        ring.write_chunk_uninit(CHUNK_RECORDS as usize)
+            .unwrap()
+            .fill_from_iter(cycles.map(|cycle| record(2, cycle)));
+        while length() == before {
+            std::thread::sleep(Duration::from_millis(5));
         }
     }
     drop(ring);

@@ -107,7 +107,7 @@ fn any_axis() -> impl Strategy<Value = AxisRecord> {
         any::<(u8, u32, u16)>(),
         any_refusal(),
     );
-    (raw, any_link(), codes, proptest::array::uniform16(float())).prop_map(
+    (raw, any_link(), codes, proptest::array::uniform17(float())).prop_map(
         |(raw, (arrivals, link), codes, f)| {
             let (mode, fault, freshness, limits, (gain_set, age_cycles, control_word), refusal) = codes;
             AxisRecord {
@@ -139,10 +139,11 @@ fn any_axis() -> impl Strategy<Value = AxisRecord> {
                         expected_position: Position::m(f[9]),
                         expected_velocity: Velocity::m_per_s(f[10]),
                         velocity_command: Velocity::m_per_s(f[11]),
-                        proportional: Torque::nm(f[12]),
-                        integral: Torque::nm(f[13]),
-                        friction: Torque::nm(f[14]),
-                        inertia: Torque::nm(f[15]),
+                        excitation: Velocity::m_per_s(f[12]),
+                        proportional: Torque::nm(f[13]),
+                        integral: Torque::nm(f[14]),
+                        friction: Torque::nm(f[15]),
+                        inertia: Torque::nm(f[16]),
                     },
                     limits,
                 },

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use anyhow::{Context, bail, ensure};
 
-use super::super::circle::live::{PATIENCE, lock_step};
+use super::super::live::{PATIENCE, lock_step};
 use super::logs::Log;
 use super::peer::{Peer, Truth};
 use crate::config::scenario::Scenario;

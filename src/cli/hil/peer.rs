@@ -14,7 +14,7 @@ use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 
-use super::super::circle::live::{PATIENCE, joined};
+use super::super::live::{PATIENCE, joined};
 use crate::config::scenario::Scenario;
 use crate::log::Pace;
 use crate::sim::truth::Told;

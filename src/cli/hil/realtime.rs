@@ -11,7 +11,7 @@ use std::time::Duration;
 
 use anyhow::Context;
 
-use super::super::circle::live::joined;
+use super::super::live::joined;
 use super::logs::Log;
 use super::on_bus::OnBus;
 use super::peer::Truth;

@@ -13,12 +13,11 @@ use crate::offline::identify::foreign::Foreign;
 use crate::offline::identify::rigid::RigidAxis;
 use crate::offline::report::identification;
 
-pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
-    let columns = std::fs::read_to_string(&arguments.columns)
-        .with_context(|| format!("cannot read {}", arguments.columns.display()))?;
-    let name = arguments.data.display().to_string();
-    let foreign = Foreign::read(&columns, opened(&arguments.data)?)
-        .with_context(|| format!("{name} by {}", arguments.columns.display()))?;
+pub(super) fn run(arguments: &Arguments, data: &Path, map: &Path) -> anyhow::Result<Outcome> {
+    let columns = std::fs::read_to_string(map).with_context(|| format!("cannot read {}", map.display()))?;
+    let name = data.display().to_string();
+    let foreign =
+        Foreign::read(&columns, opened(data)?).with_context(|| format!("{name} by {}", map.display()))?;
     let axes = RigidAxis::identify(&foreign).with_context(|| name.clone())?;
     let found = axes.iter().map(|(axis, rigid)| (axis.clone(), rigid.findings(&name))).collect();
     if arguments.json {

@@ -12,7 +12,7 @@ use crate::base::fault::Fault;
 use crate::base::record::{CycleRecord, ModeTag};
 use crate::base::time::{Moment, Span};
 use crate::config::scenario::Motion;
-use crate::rt::cycle::procedure::{self, CircleProcedure};
+use crate::rt::cycle::procedure::{self, Procedure};
 use crate::rt::cycle::standby::Standby;
 use crate::rt::door::{Order, Orders};
 
@@ -30,7 +30,7 @@ pub struct Course {
 
 #[derive(Clone, Debug)]
 enum Ordered {
-    Circle(CircleProcedure),
+    Circle(Procedure),
     Hold { standby: Standby, is_over: Arc<AtomicBool>, until: Moment, was_held: bool },
 }
 
@@ -38,7 +38,7 @@ impl Course {
     /// The orders of a motion.
     pub fn new(motion: &Motion) -> Self {
         let orders = match motion {
-            Motion::Circle { test, .. } => Ordered::Circle(CircleProcedure::new(**test, Arc::default())),
+            Motion::Circle { test, .. } => Ordered::Circle(Procedure::new(**test, Arc::default())),
             Motion::Hold(lasts) => {
                 let is_over = Arc::<AtomicBool>::default();
                 let standby = Standby::new(true, Arc::clone(&is_over));

@@ -4,7 +4,7 @@
 //!   log, CSV ──► columns of an axis ──► stretches ──► regressions and fits ──► Findings ──► machine file
 //! ```
 //!
-//! [`foreign`] reads measurements that are no log of ours, by a map of their columns; [`rigid`] fits the axis
+//! [`plan`] is the list of motions that tell the most. [`foreign`] reads measurements that are no log of ours, by a map of their columns; [`rigid`] fits the axis
 //! that has no elasticity to them; [`least_squares`] is what all regressions share.
 //! Invariant: a value comes with its interval, its unit and the data behind it; what the data do not tell is
 //! said with what would tell it, and never guessed.
@@ -15,6 +15,7 @@ use serde::Serialize;
 
 pub mod foreign;
 pub mod least_squares;
+pub mod plan;
 pub mod rigid;
 pub mod smoothing;
 

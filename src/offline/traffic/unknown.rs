@@ -31,6 +31,7 @@ pub(super) fn command() -> Command {
         expected_position: length,
         expected_velocity: speed,
         velocity_command: speed,
+        excitation: speed,
         proportional: torque,
         integral: torque,
         friction: torque,

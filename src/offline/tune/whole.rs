@@ -20,7 +20,7 @@ use crate::config::plan::{CircleRequest, PlanError};
 use crate::offline::circle::{self, CircleError, CircularTest, Run};
 use crate::offline::trace::{Trace, TraceError};
 use crate::rt::cycle::pace::Virtual;
-use crate::rt::cycle::procedure::{CircleProcedure, CircleTest, Ending};
+use crate::rt::cycle::procedure::{CircleTest, Ending, Procedure};
 use crate::rt::cycle::{Cycle, conduct};
 use crate::rt::door::Records;
 use crate::rt::drive::SettingsError;
@@ -111,7 +111,7 @@ fn run(
     let mut bus = Wired::new(machine.rack(seed));
     let drives = bus.commission(machine.drives()?)?;
     let mut cycle = Cycle::new(machine.cycle_settings(), drives, &machine.control_settings());
-    let mut orders = CircleProcedure::new(test, Arc::clone(stop));
+    let mut orders = Procedure::new(test, Arc::clone(stop));
     let mut kept = Kept::default();
     let last = conduct(&mut cycle, &mut bus, &mut Virtual::new(machine.cycle.period), &mut orders, &mut kept);
     match orders.ending(&last) {

@@ -5,3 +5,4 @@
 //! Invariant: an effect never gives the axis energy of its own.
 
 pub(super) mod backlash;
+pub(super) mod ripple;

@@ -1,9 +1,9 @@
 //! Sample in, command out, for one axis: position loop, velocity loop, feed-forward, limits.
 //!
 //! ```text
-//!   setpoint ─► travel ─► position P ─► velocity, acceleration ─► velocity PI ─► + ─► current ─► command
-//!                            ▲                                        ▲          ▲
-//!                         position                                velocity   friction, inertia
+//!   setpoint ─► travel ─► position P ─► velocity, acceleration ─► + ─► velocity PI ─► + ─► current ─► command
+//!                            ▲                                    ▲        ▲          ▲
+//!                         position                           excitation velocity  friction, inertia
 //! ```
 //!
 //! The position loop acts every `position_every` ticks, the velocity loop at each. Settings are
@@ -11,6 +11,7 @@
 //! Invariant: knows no frame and no bus, so it can be tested, replayed and tuned without either.
 
 pub mod compensation;
+pub mod excitation;
 pub mod limits;
 pub mod momentum;
 pub mod position;
@@ -20,6 +21,7 @@ pub mod velocity_pi;
 
 use crate::base::command::{Limits as Acted, Terms};
 use crate::base::fault::Fault;
+use crate::base::order::ExcitedMotion;
 use crate::base::sample::Sample;
 use crate::base::setpoint::Setpoint;
 use crate::base::time::Span;
@@ -104,6 +106,7 @@ pub struct AxisLoop {
     momentum: Momentum,
     stillness: Stillness,
     velocity_command: Velocity,
+    excitation_wanted: Velocity,
     velocity_error_rad_per_s: f64,
     held_velocity: Acted,
     /// Ticks since the position loop acted, and whether one of its own was missed meanwhile.
@@ -130,6 +133,7 @@ impl AxisLoop {
             momentum: Momentum::new(&settings.axis, &settings.limits),
             stillness: Stillness::new(&settings.axis, &settings.limits, settings.resolution, settings.tick),
             velocity_command: Velocity::ZERO,
+            excitation_wanted: Velocity::ZERO,
             velocity_error_rad_per_s: 0.0,
             held_velocity: Acted::NONE,
             periods_since_position: settings.position_every,
@@ -191,6 +195,7 @@ impl AxisLoop {
         self.stillness.reset();
         self.reach = self.settings.limits.reach_from(sample.position);
         self.velocity_command = sample.velocity.clamp_abs(self.settings.limits.velocity);
+        self.excitation_wanted = Velocity::ZERO;
         self.velocity_error_rad_per_s = 0.0;
         self.held_velocity = Acted::NONE;
         self.periods_since_position = self.settings.position_every;
@@ -213,6 +218,44 @@ impl AxisLoop {
         self.is_position_due |= is_position_tick;
     }
 
+    /// Whether a motion with an excitation of this axis stays within the limits, with the gains that act.
+    pub fn admits(&self, motion: &ExcitedMotion) -> bool {
+        let ExcitedMotion { line, excitation } = motion;
+        let Settings { tick, limits, axis, .. } = &self.settings;
+        let gains = &self.settings.gain_sets[usize::from(self.gain_set)].velocity;
+        let push_nm =
+            gains.proportional_nm_s_per_rad * excitation.velocity_max().as_m_per_s() * self.rad_per_m;
+        let torque = Torque::nm(push_nm) + axis.mechanics.torque_for_force(axis.friction.breakaway);
+        excitation.is_sound(*tick)
+            && line.feed + excitation.velocity_max() <= limits.velocity
+            && excitation.acceleration_max() <= limits.acceleration
+            && excitation.displacement_max() <= limits.following_error
+            && torque <= self.torque_bound
+    }
+
+    /// What to add to the velocity command in the steps from now on.
+    pub fn excite(&mut self, wanted: Velocity) {
+        self.excitation_wanted = wanted;
+    }
+
+    /// The excitation of this tick: it may change no faster and the sum be no larger than a command may.
+    fn hold_excitation(&mut self, since_s: f64) -> Acted {
+        let limits = &self.settings.limits;
+        let before = self.position.excitation();
+        if self.excitation_wanted == Velocity::ZERO && before == Velocity::ZERO {
+            return Acted::NONE;
+        }
+        let reach = Velocity::m_per_s(limits.acceleration.as_m_per_s2() * since_s);
+        let change = self.excitation_wanted - before;
+        let is_steep = change.abs() > reach;
+        let near = if is_steep { before + change.clamp_abs(reach) } else { self.excitation_wanted };
+        let sum = self.velocity_command + near;
+        let is_fast = sum.abs() > limits.velocity;
+        let held = if is_fast { sum.clamp_abs(limits.velocity) - self.velocity_command } else { near };
+        self.position.excite(held);
+        Acted::when(is_fast, Acted::VELOCITY).with(Acted::when(is_steep, Acted::ACCELERATION))
+    }
+
     /// Use another gain set from now on, without a bump. Numbers past the last set are ignored.
     pub fn use_gains(&mut self, set: u8, setpoint: &Setpoint, sample: &Sample) {
         if set >= self.settings.gain_set_count || set == self.gain_set {
@@ -233,13 +276,16 @@ impl AxisLoop {
     pub fn step(&mut self, setpoint: &Setpoint, sample: &Sample, is_position_tick: bool) -> Answer {
         let gains = self.settings.gain_sets[usize::from(self.gain_set)];
         let (setpoint, was_outside) = Limits::hold_setpoint(self.reach, setpoint);
-        self.weigh(sample);
+        let since_s = self.settings.tick.as_s() * f64::from(self.periods_since_step);
+        self.weigh(sample, since_s);
         if is_position_tick || self.is_position_due {
             self.position_tick(&gains.position, &setpoint, sample);
         }
         let feed_forward = self.model.feed_forward(&gains.compensation, &self.position);
 
-        let error = self.velocity_command - sample.velocity;
+        let held_excitation = self.hold_excitation(since_s);
+        let excitation = self.position.excitation();
+        let error = self.velocity_command + excitation - sample.velocity;
         self.velocity_error_rad_per_s = error.as_m_per_s() * self.rad_per_m;
         let fed = feed_forward.friction + feed_forward.inertia;
         let parts = self.velocity.step(self.velocity_error_rad_per_s, fed, self.torque_bound);
@@ -253,6 +299,7 @@ impl AxisLoop {
             expected_position: self.position.expected_position(),
             expected_velocity: self.position.expected_velocity(),
             velocity_command: self.velocity_command,
+            excitation,
             proportional: parts.proportional,
             integral: parts.integral,
             friction: feed_forward.friction,
@@ -260,17 +307,18 @@ impl AxisLoop {
         };
         let limits = self
             .held_velocity
+            .with(held_excitation)
             .with(Acted::when(was_outside, Acted::TRAVEL))
             .with(Acted::when(held != wanted && !is_not_a_number, Acted::CURRENT));
         Answer { current, terms, limits, is_not_a_number }
     }
 
     /// Holds what the motor did since the last step against its current.
-    fn weigh(&mut self, sample: &Sample) {
-        let since_s = self.settings.tick.as_s() * f64::from(self.periods_since_step);
+    fn weigh(&mut self, sample: &Sample, since_s: f64) {
         self.periods_since_step = 0;
         let torque = self.settings.axis.actuator.torque(sample.current);
-        self.momentum.step(sample, torque, self.position.expected_velocity(), since_s);
+        let expected = self.position.expected_velocity() + self.position.excitation();
+        self.momentum.step(sample, torque, expected, since_s);
         self.stillness.step(sample);
     }
 

@@ -29,6 +29,8 @@ pub struct PositionLoop {
     expected_position: Position,
     expected_velocity: Velocity,
     expected_acceleration: Acceleration,
+    /// What is added to the command behind this loop.
+    excitation: Velocity,
 }
 
 impl PositionLoop {
@@ -55,9 +57,16 @@ impl PositionLoop {
         self.expected_velocity = expected;
     }
 
+    /// What is added to the command behind this loop from now on. The expected response follows it, so that
+    /// the distance to it is no following error.
+    pub fn excite(&mut self, excitation: Velocity) {
+        self.excitation = excitation;
+    }
+
     /// The expected response moves on, for as long as its velocity is held.
     pub fn coast(&mut self, time_s: f64) {
-        self.expected_position += Position::m(self.expected_velocity.as_m_per_s() * time_s);
+        let velocity = self.expected_velocity + self.excitation;
+        self.expected_position += Position::m(velocity.as_m_per_s() * time_s);
     }
 
     /// Other gains from now on; what they would change at once fades away instead.
@@ -82,9 +91,13 @@ impl PositionLoop {
     pub fn expected_position(&self) -> Position {
         self.expected_position
     }
-    /// How fast it would be there.
+    /// How fast it would be there, but for the excitation.
     pub fn expected_velocity(&self) -> Velocity {
         self.expected_velocity
+    }
+    /// What is added to the command behind this loop.
+    pub fn excitation(&self) -> Velocity {
+        self.excitation
     }
     /// How its speed would change.
     pub fn expected_acceleration(&self) -> Acceleration {

@@ -9,16 +9,19 @@
 //! ```
 //!
 //! A circle's steady part is run-in, evaluated turns, run-out; its angle is a function of time alone,
-//! so nothing accumulates. Angles in radians, counter-clockwise from +X.
+//! so nothing accumulates. In the steady part of a line one axis may be excited ([`super::excitation`]); a stop
+//! takes the excitation back as it takes the speed back. Angles in radians, counter-clockwise from +X.
 //! Invariant: position, velocity and acceleration of a setpoint are those of one curve.
 
 use std::f64::consts::PI;
 
 use crate::base::axis::{AxisId, PerAxis};
-pub use crate::base::order::{CircleMotion, LineMotion};
+pub use crate::base::order::{CircleMotion, ExcitedMotion, LineMotion};
 use crate::base::setpoint::Setpoint;
-use crate::base::time::Moment;
+use crate::base::time::{Moment, Span};
 use crate::base::units::{Acceleration, Position, Velocity};
+
+use super::excitation::Signal;
 
 impl CircleMotion {
     fn radius_m(&self) -> f64 {
@@ -186,6 +189,19 @@ enum Path {
 pub struct Profile {
     setpoints: PerAxis<Setpoint>,
     run: Option<Run>,
+    /// The excitation of the motion under way, and what it is now.
+    excited: Option<Excited>,
+    excitation: Velocity,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Excited {
+    signal: Signal,
+    /// Begin of the motion, to which its phase is counted, and of its steady part.
+    since: Moment,
+    from: Moment,
+    /// How much of it there was when a stop began.
+    share_at_stop: f64,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -198,7 +214,12 @@ struct Run {
 impl Profile {
     /// Holding every axis at zero.
     pub fn new(axes: usize) -> Self {
-        Self { setpoints: PerAxis::filled(axes, Setpoint::default()), run: None }
+        Self {
+            setpoints: PerAxis::filled(axes, Setpoint::default()),
+            run: None,
+            excited: None,
+            excitation: Velocity::ZERO,
+        }
     }
 
     /// What is wanted of each axis.
@@ -211,14 +232,26 @@ impl Profile {
         self.run.is_some()
     }
 
-    /// Whether the evaluated part of a circle is under way.
+    /// What is to be added to the velocity command of an axis.
+    pub fn excitation(&self, axis: AxisId) -> Velocity {
+        match &self.excited {
+            Some(excited) if excited.signal.axis() == axis => self.excitation,
+            Some(_) | None => Velocity::ZERO,
+        }
+    }
+
+    /// Whether the evaluated part of a circle or of an excited line is under way.
     pub fn is_measured(&self, now: Moment) -> bool {
-        match self.run {
-            Some(Run { path: Path::Circle(motion), pace, since }) if !pace.is_brake => {
-                let into_s = (now - since).as_s() - motion.lead_in_s();
+        match &self.run {
+            Some(Run { pace, .. }) if pace.is_brake => false,
+            Some(Run { path: Path::Circle(motion), since, .. }) => {
+                let into_s = (now - *since).as_s() - motion.lead_in_s();
                 into_s >= 0.0 && into_s < motion.circle.duration_s()
             }
-            Some(_) | None => false,
+            Some(Run { path: Path::Line { .. }, .. }) => {
+                self.excited.as_ref().is_some_and(|excited| excited.signal.is_measured(now - excited.from))
+            }
+            None => false,
         }
     }
 
@@ -230,8 +263,32 @@ impl Profile {
     /// Start a straight move from where the setpoints are. Refused (false) where it would never end, and
     /// with a target of another number of axes.
     pub fn start_line(&mut self, line: &LineMotion, now: Moment) -> bool {
+        self.begin(self.line_run(line, now), None)
+    }
+
+    /// Start a straight move with an excitation. Refused (false) where the move would be, and where its steady
+    /// part is too short for the excitation.
+    pub fn start_excited(&mut self, motion: &ExcitedMotion, now: Moment) -> bool {
+        let run = self.line_run(&motion.line, now);
+        let fits = |run: &Run| run.pace.steady_s >= motion.excitation.duration().as_s();
+        let Some(run) = run.filter(fits) else { return false };
+        let from = now + Span::s(run.pace.rise_s);
+        let signal = Signal::new(&motion.excitation);
+        self.begin(Some(run), Some(Excited { signal, since: now, from, share_at_stop: 0.0 }))
+    }
+
+    fn begin(&mut self, run: Option<Run>, excited: Option<Excited>) -> bool {
+        if run.is_some() {
+            self.run = run;
+            self.excited = excited;
+            self.excitation = Velocity::ZERO;
+        }
+        run.is_some()
+    }
+
+    fn line_run(&self, line: &LineMotion, now: Moment) -> Option<Run> {
         if line.target.count() != self.setpoints.count() {
-            return false;
+            return None;
         }
         let from = self.setpoints.map(|_, setpoint| setpoint.position);
         let way = from.map(|axis, position| (line.target[axis] - *position).as_m());
@@ -240,10 +297,7 @@ impl Profile {
         let pace = Pace::over(way_m, line.feed.as_m_per_s(), line.acceleration);
         let is_driven = line.feed > Velocity::ZERO && line.acceleration > Acceleration::ZERO;
         let is_possible = is_driven && way_m.is_finite() && pace.ends();
-        if is_possible {
-            self.run = Some(Run { path: Path::Line { from, direction }, pace, since: now });
-        }
-        is_possible
+        is_possible.then_some(Run { path: Path::Line { from, direction }, pace, since: now })
     }
 
     /// Start a circle. Refused (false) unless the setpoints stand at its start, for the axis never jumps,
@@ -261,13 +315,13 @@ impl Profile {
         if !(motion.radius_m() > 0.0 && motion.circle.feed > Velocity::ZERO && pace.ends()) {
             return false;
         }
-        self.run = Some(Run { path: Path::Circle(*motion), pace, since: now });
-        true
+        self.begin(Some(Run { path: Path::Circle(*motion), pace, since: now }), None)
     }
 
     /// Leave the path where the setpoints are: nobody follows it any more.
     pub fn abandon(&mut self) {
         self.run = None;
+        self.excited = None;
     }
 
     /// Brake along the path, from the speed it has now. A brake under way goes on, and so does a motion
@@ -279,6 +333,9 @@ impl Profile {
             let progress = run.pace.at((now - run.since).as_s());
             let brake = Pace::brake(progress, acceleration);
             if brake.end_m() <= run.pace.end_m() {
+                if let Some(excited) = &mut self.excited {
+                    excited.share_at_stop = excited.signal.share(now - excited.from);
+                }
                 run.pace = brake;
                 run.since = now;
             }
@@ -291,11 +348,21 @@ impl Profile {
         let time_s = (now - run.since).as_s();
         let progress = run.pace.at(time_s.min(run.pace.duration_s()));
         run.path.place(&progress, &mut self.setpoints);
+        if let Some(excited) = &self.excited {
+            let share = if !run.pace.is_brake {
+                excited.signal.share(now - excited.from)
+            } else if run.pace.feed_m_per_s > 0.0 {
+                excited.share_at_stop * (progress.speed_m_per_s / run.pace.feed_m_per_s)
+            } else {
+                0.0
+            };
+            self.excitation = excited.signal.at(now - excited.since) * share;
+        }
         if time_s >= run.pace.duration_s() {
             for (_, setpoint) in self.setpoints.iter_mut() {
                 *setpoint = Setpoint::at_rest(setpoint.position);
             }
-            self.run = None;
+            self.abandon();
         }
     }
 }

@@ -23,6 +23,7 @@ use crate::base::axis::PerAxis;
 use crate::base::command::{Command, Limits as Acted};
 use crate::base::fault::Fault;
 use crate::base::input::{Input, Inputs, What};
+use crate::base::order::ExcitedMotion;
 use crate::base::record::{CycleRecord, LinkCounts, Refusal, Stage, Timing};
 use crate::base::sample::Freshness;
 use crate::base::time::{Moment, Span};
@@ -173,10 +174,21 @@ impl Cycle {
                     self.record.stage.motion += 1;
                 }
             }
+            Some(Order::Excited(motion)) if all_ready && self.admits(&motion) => {
+                if self.profile.start_excited(&motion, now) {
+                    self.record.stage.motion += 1;
+                }
+            }
             // A motion is not begun while another runs or an axis is not ready.
-            Some(Order::Line(_) | Order::Circle(_)) => {}
+            Some(Order::Line(_) | Order::Circle(_) | Order::Excited(_)) => {}
         }
         Wish::Nothing
+    }
+
+    /// Whether the machine has the axis to be excited, and its limits allow it.
+    fn admits(&self, motion: &ExcitedMotion) -> bool {
+        let excited = self.loops.iter().find(|(axis, _)| *axis == motion.excitation.axis);
+        excited.is_some_and(|(_, axis_loop)| axis_loop.admits(motion))
     }
 
     fn use_gains(&mut self, set: u8) {
@@ -256,6 +268,7 @@ impl Cycle {
                 *answer = Answer::default();
             } else if observation.sample.freshness == Freshness::Fresh {
                 let setpoint = &self.profile.setpoints()[axis];
+                self.loops[axis].excite(self.profile.excitation(axis));
                 *answer = self.loops[axis].step(setpoint, &observation.sample, is_position_tick);
             } else {
                 // The last answer stands until fresh feedback comes or the fault takes it away.
