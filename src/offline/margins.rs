@@ -45,10 +45,14 @@ impl Margins {
     /// Margins of the open loop `L(jω)`, ω in rad/s, sampled at `rate_hz`, with a resonance at
     /// `resonance_hz`.
     pub fn of(open: impl Fn(f64) -> Complex<f64>, rate_hz: f64, resonance_hz: f64) -> Self {
-        let grid = grid(0.5 * rate_hz, resonance_hz);
-        // Each frequency is asked once; tuning does this thousands of times.
+        let grid = grid(rate_hz, resonance_hz);
         let responses: Vec<Complex<f64>> = grid.iter().map(|&omega| open(omega)).collect();
-        let crossings = |value: fn(Complex<f64>) -> f64| crossings(&grid, &responses, &open, value);
+        Self::on(&grid, &responses, open)
+    }
+
+    /// The same of responses that are known on a [`grid`].
+    pub fn on(grid: &[f64], responses: &[Complex<f64>], open: impl Fn(f64) -> Complex<f64>) -> Self {
+        let crossings = |value: fn(Complex<f64>) -> f64| crossings(grid, responses, &open, value);
         let crossovers = crossings(|response| response.norm() - 1.0);
         let phase_margin_deg = |omega: f64| (-open(omega)).arg().to_degrees();
         let worst =
@@ -80,8 +84,9 @@ impl Margins {
     }
 }
 
-/// Angular frequencies to look at, rad/s, rising.
-fn grid(highest_hz: f64, resonance_hz: f64) -> Vec<f64> {
+/// Angular frequencies to look at in a loop that is sampled at `rate_hz` and has a resonance, rad/s, rising.
+pub fn grid(rate_hz: f64, resonance_hz: f64) -> Vec<f64> {
+    let highest_hz = 0.5 * rate_hz;
     let points = ((highest_hz / LOWEST_HZ).log10() * POINTS_PER_DECADE).ceil().max(1.0);
     let even = (0..=points as usize).map(|n| LOWEST_HZ * (highest_hz / LOWEST_HZ).powf(n as f64 / points));
     let around = (2..=CLOSEST_OCTAVE).flat_map(|octave| {

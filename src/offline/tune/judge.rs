@@ -13,7 +13,7 @@ use super::window::{Path, Window};
 use crate::base::command::Limits as Acted;
 use crate::config::Machine;
 use crate::config::machine::{AXIS_NAMES, Axis};
-use crate::offline::loops::Loops;
+use crate::offline::loops::{Gainless, Loops};
 use crate::plant;
 
 /// Phases of the position loop at which the nominal axis reverses; other plants reverse at the first.
@@ -114,6 +114,7 @@ pub struct Figures {
 struct Case<'m> {
     axis: Axis,
     windows: Vec<Window<'m>>,
+    gainless: Gainless,
     is_nominal: bool,
 }
 
@@ -144,11 +145,14 @@ impl<'m> Judge<'m> {
             }
             let phases =
                 (0..PHASES).map(|phase| Window::new(machine, axis, path, phase as f64 / PHASES as f64));
-            cases.push(Case { axis: *axis, windows: phases.collect(), is_nominal: true });
+            let gainless =
+                |axis: &Axis| Gainless::of(&Loops::with_gains(machine, axis, &axis.control.gain_sets[0]));
+            let windows = phases.collect();
+            cases.push(Case { axis: *axis, windows, gainless: gainless(axis), is_nominal: true });
             for plant in others(&axis.plant) {
                 let axis = Axis { plant, ..*axis };
                 let windows = vec![Window::new(machine, &axis, path, 0.0)];
-                cases.push(Case { axis, windows, is_nominal: false });
+                cases.push(Case { axis, windows, gainless: gainless(&axis), is_nominal: false });
             }
         }
         Self { machine, requirements, cases, axes: axes.join(", ") }
@@ -187,9 +191,8 @@ impl<'m> Judge<'m> {
         for case in &self.cases {
             let gains = choice.gains(&case.axis);
             let loops = Loops::with_gains(self.machine, &case.axis, &gains);
-            for (worst, margins) in
-                [(&mut velocity, loops.velocity_margins()), (&mut position, loops.position_margins())]
-            {
+            let [of_velocity, of_position] = loops.margins_on(&case.gainless);
+            for (worst, margins) in [(&mut velocity, of_velocity), (&mut position, of_position)] {
                 // A loop without crossover holds nothing; one that never turns by 180 degrees has all the gain.
                 worst[0] = worst[0].min(margins.phase_margin_deg.unwrap_or(0.0));
                 worst[1] = worst[1].min(margins.gain_margin_db.unwrap_or(f64::INFINITY));
