@@ -36,6 +36,11 @@ pub struct Settings {
     /// With one objective the search is over once all members lie within this share of the bounds, each kind
     /// of coordinate for itself.
     pub settled: f64,
+    /// With one objective the search is also over when so many generations, one after another, made the best less
+    /// by no more than the share `worth_more` together.
+    pub patience: usize,
+    /// See there.
+    pub worth_more: f64,
     /// Of everything random.
     pub seed: u64,
 }
@@ -116,6 +121,7 @@ pub fn evolve(
     }
     let mut members = judged(first);
     let mut evaluations = members.len();
+    let mut bests = Vec::new();
     let is_complete = loop {
         if watch(&members, evaluations).is_break() {
             break false;
@@ -123,7 +129,9 @@ pub fn evolve(
         let has_settled = members[0].worth.objectives.len() == 1
             && widest(&members, bounds) <= settings.settled
             && members.iter().all(|member| member.worth.violation <= 0.0);
-        if has_settled || evaluations + members.len() > settings.evaluations_max {
+        bests.push(best(&members));
+        let stands = members[0].worth.objectives.len() == 1 && is_still(&bests, settings);
+        if has_settled || stands || evaluations + members.len() > settings.evaluations_max {
             break true;
         }
         let trials = (0..members.len()).map(|own| trial(&members, own, bounds, &mut random)).collect();
@@ -147,6 +155,21 @@ pub fn evolve(
     let mut front: Vec<Member> = front.into_iter().map(|index| members[index].clone()).collect();
     front.sort_by(|a, b| a.worth.objectives[0].total_cmp(&b.worth.objectives[0]));
     Evolved { front, evaluations, is_complete }
+}
+
+/// The least objective of what keeps all constraints; infinite where nothing does.
+fn best(members: &[Member]) -> f64 {
+    let kept = members.iter().filter(|member| member.worth.violation <= 0.0);
+    kept.map(|member| Worth::rank(member.worth.objectives[0])).fold(f64::INFINITY, f64::min)
+}
+
+/// Whether the last generations made the best no better, as far as that is worth anything.
+fn is_still(bests: &[f64], settings: &Settings) -> bool {
+    let Some(before) = bests.len().checked_sub(settings.patience + 1).map(|index| bests[index]) else {
+        return false;
+    };
+    let now = bests[bests.len() - 1];
+    before.is_finite() && before - now <= settings.worth_more * before.abs()
 }
 
 /// A challenger of a member.
@@ -242,7 +265,14 @@ fn most_crowded(members: &[Member], front: &[usize]) -> usize {
 mod tests {
     use super::*;
 
-    const SETTINGS: Settings = Settings { population: 20, evaluations_max: 4_000, settled: 1e-6, seed: 1 };
+    const SETTINGS: Settings = Settings {
+        population: 20,
+        evaluations_max: 4_000,
+        settled: 1e-6,
+        patience: 40,
+        worth_more: 1e-9,
+        seed: 1,
+    };
 
     fn search(bounds: &[[f64; 2]], settings: &Settings, worth: impl Fn(&[f64]) -> Worth) -> Evolved {
         let all = |places: &[Vec<f64>]| places.iter().map(|place| worth(place)).collect();
@@ -272,6 +302,15 @@ mod tests {
         let best = &search(&[[0.0, 1.0], [0.0, 5.0]], &SETTINGS, worth).front[0];
         assert_eq!(best.place[0], 1.0, "at the bound, not near it");
         assert!((best.place[1] - 0.5).abs() < 1e-5 && best.worth.violation <= 0.0, "{best:?}");
+    }
+
+    #[test]
+    fn a_search_that_finds_nothing_better_any_more_ends() {
+        // Flat steps: members lie apart on the lowest one, and none is better.
+        let worth = |p: &[f64]| single((p[0].abs() * 4.0).floor(), 0.0);
+        let ended = search(&[[-4.0, 4.0]], &Settings { patience: 10, ..SETTINGS }, worth);
+        assert!(ended.is_complete && ended.front[0].worth.objectives[0] == 0.0, "{ended:?}");
+        assert!((220..600).contains(&ended.evaluations), "{} evaluations", ended.evaluations);
     }
 
     #[test]

@@ -41,6 +41,10 @@ const FRONT: usize = 40;
 /// The search is over once the gains of all members lie within this share of their range: of three decades, that is
 /// a third of a percent in a gain.
 const SETTLED: f64 = 5e-4;
+/// Or once so many generations made the best less by no more than this share: below it are the steps that come and
+/// go with the last digit of a gain.
+const PATIENCE: usize = 15;
+const WORTH_MORE: f64 = 1e-3;
 
 /// A figure to be made small.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -255,6 +259,8 @@ pub fn tune(
         population: if is_front { FRONT } else { least.max(for_each * space.ranges.len()) },
         evaluations_max: request.evaluations_max,
         settled: SETTLED,
+        patience: PATIENCE,
+        worth_more: WORTH_MORE,
         seed: request.seed,
     };
     let worth = |place: &Vec<f64>| {
