@@ -14,6 +14,7 @@ use crate::offline::identify::frequency::AxisResponse;
 use crate::offline::identify::plan::{Part, Purpose};
 use crate::offline::identify::{Estimate, Finding, Findings};
 use crate::offline::report::TestSheet;
+use crate::offline::tune::Judged;
 
 /// A table with a left-hand column of names and right-aligned numbers.
 fn table(heads: &[&str]) -> Table {
@@ -40,6 +41,26 @@ pub(super) fn latency_table(shares: &[Share]) -> String {
     for Share { name, percentiles: told, .. } in shares {
         let us = [told.p50_us, told.p99_us, told.p99_9_us, told.p99_99_us, told.max_us];
         rows.add_row(std::iter::once(name.clone()).chain(us.map(|us| format!("{us:.1}"))));
+    }
+    rows.to_string()
+}
+
+/// Name, before and after of figures.
+pub(super) fn before_and_after(figures: &[[String; 3]]) -> String {
+    let mut rows = table(&["", "before", "after"]);
+    for row in figures {
+        rows.add_row(row);
+    }
+    rows.to_string()
+}
+
+/// Gains that none is better than.
+pub(super) fn front(objectives: &[&str], front: &[Judged]) -> String {
+    let heads: Vec<&str> = objectives.iter().copied().chain(["V_p", "V_i", "K_p, 1/s"]).collect();
+    let mut rows = table(&heads);
+    for Judged { choice, objectives, .. } in front {
+        let gains = [choice.v_p, choice.v_i, choice.kp_per_s];
+        rows.add_row(objectives.iter().chain(&gains).map(|value| format!("{value:.3}")));
     }
     rows.to_string()
 }

@@ -1,4 +1,4 @@
-//! The result of a circular test, or of an [`identification`], as files a person opens: a page, a drawing, a
+//! The result of a circular test, of an [`identification`] or of a [`tuning`], as files a person opens: a page, a drawing, a
 //! picture.
 //!
 //! Each file is written under a temporary name in the same folder and renamed when it is complete, so
@@ -8,6 +8,7 @@
 pub mod frequency;
 pub mod identification;
 mod page;
+pub mod tuning;
 
 use std::fs;
 use std::io::{self, Write};
