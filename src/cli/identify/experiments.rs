@@ -1,40 +1,20 @@
 //! Runs the experiments of a machine and keeps their log: first says what will move, how far, how fast and how
 //! long, and on a real machine asks.
 
-use std::collections::BTreeMap;
 use std::io::{IsTerminal, Write};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::{Context, bail};
-use serde::Serialize;
 
-use super::super::live::{Job, Recorded, outcome_of, stamp_now, with_losses};
-use super::super::{Outcome, machine, print_json, print_text, view};
-use super::Arguments;
+use super::super::live::{Job, outcome_of, stamp_now, with_losses};
+use super::super::{Outcome, machine, view};
+use super::{Arguments, logs};
 use crate::base::axis::AxisId;
 use crate::config::Machine;
 use crate::config::machine::AXIS_NAMES;
-use crate::log::{Header, Pace, Reader};
-use crate::offline::identify::frequency::{self, AxisResponse, FrequencyError};
-use crate::offline::identify::plan::{Part, Plan, Purpose, Request};
-use crate::offline::report;
+use crate::log::{Header, Pace};
+use crate::offline::identify::plan::{Plan, Request};
 use crate::run::{self, Origin, Place};
-
-/// What `--json` prints.
-#[derive(Serialize)]
-struct Printed<'a> {
-    machine: &'a str,
-    gains: &'a str,
-    log: &'a Path,
-    cycles: u64,
-    lost_records: u64,
-    seconds: f64,
-    planned_s: f64,
-    experiments: BTreeMap<Purpose, Part>,
-    left_out: &'a [String],
-    /// By axis; none where nothing could be excited.
-    frequency_response: &'a BTreeMap<String, AxisResponse>,
-}
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let machine = machine(&arguments.machine)?;
@@ -70,8 +50,9 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         eprintln!("the log is kept: {}", log.display());
         return Ok(outcome);
     }
-    show(arguments, &machine, &plan, &recorded)?;
-    Ok(outcome)
+    eprintln!("{} cycles in {:.1} s, log: {}", recorded.cycles, recorded.wall_s, log.display());
+    let analysed = logs::run(arguments, &[log])?;
+    Ok(if outcome == Outcome::Done { analysed } else { outcome })
 }
 
 /// The machine behind the boards: that of the file, unless another was named.
@@ -166,40 +147,4 @@ fn header(
         header.extra.insert("plant".to_owned(), plant.source.clone());
     }
     header
-}
-
-fn show(arguments: &Arguments, machine: &Machine, plan: &Plan, recorded: &Recorded) -> anyhow::Result<()> {
-    let responses = match frequency::of_log(&mut Reader::open(&recorded.log.path)?) {
-        Err(FrequencyError::NotExcited) => BTreeMap::new(),
-        responses => responses?,
-    };
-    if let Some(folder) = &arguments.report {
-        for drawing in report::frequency::write(folder, &responses)? {
-            eprintln!("drawing: {}", drawing.display());
-        }
-    }
-    let printed = Printed {
-        machine: &machine.name,
-        gains: &arguments.gains,
-        log: &recorded.log.path,
-        cycles: recorded.cycles,
-        lost_records: recorded.lost_records,
-        seconds: recorded.wall_s,
-        planned_s: plan.duration_s(),
-        experiments: plan.summary(),
-        left_out: &plan.left_out,
-        frequency_response: &responses,
-    };
-    if arguments.json {
-        return print_json(&printed);
-    }
-    let found = responses.iter().map(|(axis, response)| (axis.clone(), response.findings.clone())).collect();
-    print_text(&format!(
-        "{}\n{}\n\n{} cycles in {:.1} s\nlog: {}\n",
-        view::loop_margins(&responses),
-        view::findings(&found),
-        recorded.cycles,
-        recorded.wall_s,
-        recorded.log.path.display()
-    ))
 }

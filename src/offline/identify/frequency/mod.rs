@@ -19,6 +19,7 @@ pub mod spectra;
 
 use std::collections::BTreeMap;
 use std::io::{Read, Seek};
+use std::path::PathBuf;
 
 use nalgebra::Complex;
 use serde::Serialize;
@@ -91,6 +92,21 @@ pub struct AxisResponse {
     pub computed: Margins,
     /// What the response tells of the axis.
     pub findings: AxisFindings,
+}
+
+/// The axes of logs that were excited, by name; of one that several excited, the last.
+///
+/// # Errors
+/// When a log cannot be read.
+pub fn of_logs(paths: &[PathBuf]) -> Result<BTreeMap<String, AxisResponse>, FrequencyError> {
+    let mut all = BTreeMap::new();
+    for path in paths {
+        match of_log(&mut Reader::open(path)?) {
+            Err(FrequencyError::NotExcited) => {}
+            responses => all.extend(responses?),
+        }
+    }
+    Ok(all)
 }
 
 /// The axes of a log that were excited, by name.
