@@ -112,9 +112,6 @@ fn what_cannot_be_identified_is_refused_with_a_reason() {
     let (_, said, code) = run(&["identify", "--log", text(&none)]);
     assert_eq!(code, 2);
     assert!(said.contains("none.mcap"), "{said}");
-    let (_, said, code) = run(&["identify"]);
-    assert_eq!(code, 2);
-    assert!(said.contains("--log") && said.contains("--data"), "{said}");
     let (_, said, code) =
         run(&["identify", "--log", text(&none), "--torque-constant-tolerance-percent", "-1"]);
     assert_eq!(code, 2);

@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 use anyhow::Context;
 use indicatif::{ProgressBar, ProgressStyle};
 
+use super::Outcome;
 use crate::base::record::CycleRecord;
 use crate::base::time::{Moment, Span};
 use crate::config::Machine;
@@ -190,6 +191,31 @@ pub(super) fn records(mut ring: rtrb::Consumer<CycleRecord>) -> impl Iterator<It
             }
         }
     })
+}
+
+/// What an ending is to the caller; one that was not complete is said.
+pub(super) fn outcome_of(ending: &Ending) -> Outcome {
+    match ending {
+        Ending::Complete => return Outcome::Done,
+        Ending::Interrupted => eprintln!("interrupted: the axes were stopped along their path and disabled"),
+        Ending::Faulted(axis, fault) => eprintln!("axis {axis}: {fault}; see {}", fault.page()),
+        Ending::Refused => {
+            eprintln!("the cycle did not begin a motion that it was ordered; the axes were disabled");
+        }
+    }
+    Outcome::NotDone
+}
+
+/// The outcome with what the log lost, said aloud.
+pub(super) fn with_losses(outcome: Outcome, log: &WriteOutcome, lost_records: u64) -> Outcome {
+    if let Some(error) = &log.first_error {
+        eprintln!("error: {error}");
+    }
+    if lost_records > 0 {
+        eprintln!("error: {lost_records} records are not in the log {}", log.path.display());
+    }
+    let is_whole = lost_records == 0 && log.is_complete && log.first_error.is_none();
+    if outcome == Outcome::Done && !is_whole { Outcome::Incomplete } else { outcome }
 }
 
 /// A thread's result; its panic goes on here.

@@ -14,6 +14,7 @@ mod live;
 mod log;
 mod playback;
 mod replay;
+mod tune;
 mod view;
 
 use std::io::{ErrorKind, IsTerminal, Write};
@@ -42,6 +43,8 @@ enum Verb {
     Circle(circle::Arguments),
     /// Find the parameters of axes, with their intervals, from measured motion
     Identify(identify::Arguments),
+    /// Find gains with the least protrusion that keep the margins, or solve the problem of the paper
+    Tune(tune::Arguments),
     /// Check a machine file and print what it implies
     Check(check::Arguments),
     /// Summarise, export or recover a log
@@ -101,6 +104,7 @@ pub fn main() -> ExitCode {
     let outcome = match arguments.verb {
         Verb::Circle(arguments) => circle::run(&arguments),
         Verb::Identify(arguments) => identify::run(&arguments),
+        Verb::Tune(arguments) => tune::run(&arguments),
         Verb::Check(arguments) => check::run(&arguments),
         Verb::Log(arguments) => log::run(&arguments),
         Verb::Import(arguments) => import::run(&arguments),

@@ -1,14 +1,20 @@
 //! Tables for the terminal.
 
+use std::collections::BTreeMap;
+
 use comfy_table::{CellAlignment, Table, presets};
+use serde_json::Value;
 
 use crate::log::header::IMPORTED;
 use crate::log::timing::Share;
 use crate::log::{Header, Summary};
 use crate::offline::check::{MachineReport, Row};
 use crate::offline::circle::{CircularTest, PointAnalysis, Quadrant};
+use crate::offline::identify::frequency::AxisResponse;
+use crate::offline::identify::plan::{Part, Purpose};
 use crate::offline::identify::{Estimate, Finding, Findings};
 use crate::offline::report::TestSheet;
+use crate::offline::tune::Judged;
 
 /// A table with a left-hand column of names and right-aligned numbers.
 fn table(heads: &[&str]) -> Table {
@@ -35,6 +41,63 @@ pub(super) fn latency_table(shares: &[Share]) -> String {
     for Share { name, percentiles: told, .. } in shares {
         let us = [told.p50_us, told.p99_us, told.p99_9_us, told.p99_99_us, told.max_us];
         rows.add_row(std::iter::once(name.clone()).chain(us.map(|us| format!("{us:.1}"))));
+    }
+    rows.to_string()
+}
+
+/// Name, before and after of figures.
+pub(super) fn before_and_after(figures: &[[String; 3]]) -> String {
+    let mut rows = table(&["", "before", "after"]);
+    for row in figures {
+        rows.add_row(row);
+    }
+    rows.to_string()
+}
+
+/// Gains that none is better than.
+pub(super) fn front(objectives: &[&str], front: &[Judged]) -> String {
+    let heads: Vec<&str> = objectives.iter().copied().chain(["V_p", "V_i", "K_p, 1/s"]).collect();
+    let mut rows = table(&heads);
+    for Judged { choice, objectives, .. } in front {
+        let gains = [choice.v_p, choice.v_i, choice.kp_per_s];
+        rows.add_row(objectives.iter().chain(&gains).map(|value| format!("{value:.3}")));
+    }
+    rows.to_string()
+}
+
+/// What the experiments of each purpose do.
+pub(super) fn experiments(parts: &BTreeMap<Purpose, Part>) -> String {
+    let mut rows = table(&["experiment", "motions", "way", "up to", "time"]);
+    for (purpose, part) in parts {
+        rows.add_row([
+            purpose.name().to_owned(),
+            part.motions.to_string(),
+            format!("{:.0} mm", part.way_mm),
+            format!("{:.2} mm/s", part.top_speed_mm_per_s),
+            format!("{:.0} s", part.duration_s),
+        ]);
+    }
+    rows.to_string()
+}
+
+/// Margins of velocity loops, as measured beside as computed.
+pub(super) fn loop_margins(axes: &BTreeMap<String, AxisResponse>) -> String {
+    let mut rows = table(&["velocity loop", "crossover", "phase margin", "gain margin", "Ms", "bandwidth"]);
+    for (axis, response) in axes {
+        let both = [("measured", &response.measured), ("computed", &response.computed)];
+        for (how, margins) in both {
+            let told = |value: Option<f64>, unit| {
+                value.map_or("none".to_owned(), |value| format!("{value:.1} {unit}"))
+            };
+            rows.add_row([
+                format!("{axis}, {how}"),
+                told(margins.crossover_hz, "Hz"),
+                told(margins.phase_margin_deg, "deg"),
+                told(margins.gain_margin_db, "dB"),
+                format!("{:.2}", margins.sensitivity_max),
+                told(margins.bandwidth_hz, "Hz"),
+            ]);
+        }
     }
     rows.to_string()
 }
@@ -161,9 +224,14 @@ pub(super) fn log_table(started: &str, header: &Header, summary: &Summary) -> St
         format!("99 %: {:.1} us, max {:.1} us", summary.wake_error_us_p99, summary.wake_error_us_max)
     };
     fact("wake-up error", wake_error);
-    for (number, motion) in &header.motions {
-        fact(&format!("motion {number}"), motion.to_string());
+    for (number, motion) in header.motions.iter().take(MOTIONS_SHOWN) {
+        fact(&format!("motion {number}"), motion_in_words(motion));
     }
+    let more = header.motions.len().saturating_sub(MOTIONS_SHOWN);
+    if more > 0 {
+        fact("", format!("and {more} more, all of them with --json"));
+    }
+    facts.column_iter_mut().for_each(|column| column.set_cell_alignment(CellAlignment::Left));
     let mut axes = table(&["axis", "following error, um", "current, A", "cycles by mode"]);
     for axis in &summary.axes {
         let modes: Vec<String> =
@@ -183,6 +251,57 @@ pub(super) fn log_table(started: &str, header: &Header, summary: &Summary) -> St
         );
     }
     lines
+}
+
+/// Motions of a log that are told one by one.
+const MOTIONS_SHOWN: usize = 12;
+/// Longest list that is told value by value.
+const LIST_SHOWN: usize = 3;
+
+/// Units that keys end with, longer ones first.
+const UNITS: [(&str, &str); 8] = [
+    ("_mm_per_min", " mm/min"),
+    ("_m_per_s2", " m/s2"),
+    ("_mm_per_s", " mm/s"),
+    ("_mm", " mm"),
+    ("_um", " um"),
+    ("_deg", " deg"),
+    ("_ms", " ms"),
+    ("_s", " s"),
+];
+
+/// What a header says of a motion: its kind first, then each key with its value.
+fn motion_in_words(motion: &Value) -> String {
+    let Value::Object(keys) = motion else { return value_in_words(motion) };
+    let kind = keys.get("kind").map(value_in_words);
+    let rest = keys.iter().filter(|(key, value)| *key != "kind" && !value.is_null());
+    let rest = rest.map(|(key, value)| {
+        let suffixed = UNITS.iter().find_map(|(suffix, unit)| Some((key.strip_suffix(suffix)?, unit)));
+        let (name, unit) = suffixed.map_or((key.as_str(), ""), |(name, unit)| (name, *unit));
+        format!("{} {}{unit}", name.replace('_', " "), value_in_words(value))
+    });
+    kind.into_iter().chain(rest).collect::<Vec<_>>().join(", ")
+}
+
+fn value_in_words(value: &Value) -> String {
+    match value {
+        Value::String(text) => text.clone(),
+        Value::Null => "-".to_owned(),
+        Value::Number(number) if number.is_f64() => {
+            let text = format!("{:.4}", number.as_f64().unwrap_or(f64::NAN));
+            text.trim_end_matches('0').trim_end_matches('.').to_owned()
+        }
+        Value::Array(list) if list.len() <= LIST_SHOWN => {
+            format!("({})", list.iter().map(value_in_words).collect::<Vec<_>>().join(", "))
+        }
+        Value::Array(list) => match list.as_slice() {
+            [first, .., last] => {
+                format!("{} values from {} to {}", list.len(), value_in_words(first), value_in_words(last))
+            }
+            [_] | [] => String::new(),
+        },
+        Value::Bool(_) | Value::Number(_) | Value::Object(_) => value.to_string(),
+    }
 }
 
 /// What a machine file implies: the cycle, each axis, its gain sets side by side, what to look at twice.

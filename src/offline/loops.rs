@@ -15,15 +15,20 @@
 //! the speeds of a circle. Angular frequencies in rad/s.
 //! Invariant: no formula of the plant or of a controller is repeated here.
 
+use std::f64::consts::PI;
+
 use nalgebra::Complex;
 
-use super::margins::Margins;
+use super::margins::{self, Margins};
 use crate::base::axis::AxisId;
-use crate::base::units::{Position, Velocity};
+use crate::base::units::{Current, Position, Torque, Velocity};
 use crate::config::Machine;
 use crate::config::machine::{Axis, Gains};
 use crate::plant::friction::Law;
 use crate::plant::response::{delay, motor_speed_per_torque};
+
+/// Frequencies up to half the sampling rate at which noise is summed up.
+const NOISE_STEPS: u32 = 256;
 
 /// The loops of one axis with one gain set.
 #[derive(Clone, Copy, Debug)]
@@ -40,7 +45,13 @@ impl<'m> Loops<'m> {
     /// When the machine has no such axis or gain set.
     pub fn new(machine: &'m Machine, axis: AxisId, set: u8) -> Self {
         assert!(usize::from(set) < machine.gain_sets.len(), "no gain set {set}");
-        Self { machine, axis: &machine.axes[axis], gains: machine.gains(axis, set) }
+        Self::with_gains(machine, &machine.axes[axis], machine.gains(axis, set))
+    }
+
+    /// Loops of an axis that may be another than that of the machine, with gains that may be in none of its
+    /// sets.
+    pub const fn with_gains(machine: &'m Machine, axis: &'m Axis, gains: &'m Gains) -> Self {
+        Self { machine, axis, gains }
     }
 
     /// Margins of the velocity loop.
@@ -91,6 +102,23 @@ impl<'m> Loops<'m> {
         held_s + self.axis.plant.actuator.dead_time.as_s() + self.axis.feedback_latency.as_s() + estimate_s
     }
 
+    /// Current that the counts of the motor encoder make in the closed velocity loop, rms: each position is off
+    /// by a chance share of a count, evenly, and independently of the one before.
+    pub fn current_noise(&self) -> Current {
+        let period = self.machine.cycle.period;
+        let plant = &self.axis.plant;
+        let share = |step: u32| {
+            let omega = PI * (f64::from(step) + 0.5) / f64::from(NOISE_STEPS) / period.as_s();
+            let velocity = self.axis.velocity_estimate.response(period, omega) * Complex::new(0.0, omega);
+            let torque = velocity * self.gains.velocity.response(period, omega);
+            (torque / (self.velocity_open(omega) + 1.0)).norm_sqr()
+        };
+        let mean = (0..NOISE_STEPS).map(share).sum::<f64>() / f64::from(NOISE_STEPS);
+        let count_rms_m = self.axis.scale.motor_resolution().abs().as_m() / 12.0_f64.sqrt();
+        let torque_nm = mean.sqrt() * count_rms_m / plant.mechanics.travel_per_rad_m();
+        plant.actuator.current(Torque::nm(torque_nm))
+    }
+
     /// Open velocity loop.
     pub fn velocity_open(&self, omega: f64) -> Complex<f64> {
         self.forward(omega) * self.seen(omega)
@@ -108,6 +136,24 @@ impl<'m> Loops<'m> {
         order * self.travel_per_command(omega) / (self.position_open(omega) + 1.0)
     }
 
+    /// Margins of velocity loop and position loop, with what no gain changes already known.
+    pub fn margins_on(&self, known: &Gainless) -> [Margins; 2] {
+        let period = self.machine.cycle.period;
+        let forward =
+            |known: &Known| self.gains.velocity.response(period, known.omega) * known.behind_controller;
+        let gain = self.gains.position.gain_per_s;
+        let velocity = |known: &Known| forward(known) * known.seen;
+        let position = |known: &Known| {
+            let forward = forward(known);
+            forward / (forward * known.seen + 1.0) * known.behind_velocity * gain
+        };
+        let [tick, position_tick] = &known.grids;
+        [
+            tick.margins(velocity, |omega| self.velocity_open(omega)),
+            position_tick.margins(position, |omega| self.position_open(omega)),
+        ]
+    }
+
     fn margins(&self, open: impl Fn(f64) -> Complex<f64>, sampled_every: u32) -> Margins {
         let sample_s = self.machine.cycle.period.as_s() * f64::from(sampled_every);
         Margins::of(open, 1.0 / sample_s, self.axis.plant.mechanics.resonance_hz())
@@ -115,9 +161,13 @@ impl<'m> Loops<'m> {
 
     /// Motor speed per speed error.
     fn forward(&self, omega: f64) -> Complex<f64> {
+        self.gains.velocity.response(self.machine.cycle.period, omega) * self.behind_controller(omega)
+    }
+
+    /// Motor speed per torque of the controller.
+    fn behind_controller(&self, omega: f64) -> Complex<f64> {
         let period = self.machine.cycle.period;
-        self.gains.velocity.response(period, omega)
-            * hold(period.as_s(), omega)
+        hold(period.as_s(), omega)
             * delay(self.axis.sheet.command_delay(period).as_s(), omega)
             * motor_speed_per_torque(&self.axis.plant, omega)
     }
@@ -133,17 +183,72 @@ impl<'m> Loops<'m> {
 
     /// Motor position per velocity command of the position loop: held over its ticks, then `T / s`.
     fn travel_per_command(&self, omega: f64) -> Complex<f64> {
-        let closed = self.forward(omega) / (self.velocity_open(omega) + 1.0);
+        let forward = self.forward(omega);
+        forward / (forward * self.seen(omega) + 1.0) * self.behind_velocity(omega)
+    }
+
+    /// Motor position per speed that the closed velocity loop makes of a held command.
+    fn behind_velocity(&self, omega: f64) -> Complex<f64> {
         let tick_s = self.machine.cycle.period.as_s();
         // The velocity loop sees the held command tick by tick: a mean of delayed ticks.
         let every = self.machine.cycle.position_every;
         let held = hold(tick_s * f64::from(every), omega) / hold(tick_s, omega);
-        closed * held / Complex::new(0.0, omega)
+        held / Complex::new(0.0, omega)
+    }
+}
+
+/// All of the loops of an axis that no gain changes, on the frequencies of their margins: what a search over gains
+/// computes once.
+#[derive(Clone, Debug)]
+pub struct Gainless {
+    /// Of the velocity loop and of the position loop.
+    grids: [Grid; 2],
+}
+
+#[derive(Clone, Debug)]
+struct Grid {
+    omegas: Vec<f64>,
+    known: Vec<Known>,
+}
+
+/// At one frequency.
+#[derive(Clone, Copy, Debug)]
+struct Known {
+    omega: f64,
+    behind_controller: Complex<f64>,
+    seen: Complex<f64>,
+    /// With the latency of the position.
+    behind_velocity: Complex<f64>,
+}
+
+impl Gainless {
+    /// Of an axis; the gains of the loops do not matter.
+    pub fn of(loops: &Loops<'_>) -> Self {
+        let (tick_s, every) = (loops.machine.cycle.period.as_s(), loops.machine.cycle.position_every);
+        let grid = |sampled_every: u32| {
+            let resonance_hz = loops.axis.plant.mechanics.resonance_hz();
+            let omegas = margins::grid(1.0 / (tick_s * f64::from(sampled_every)), resonance_hz);
+            let known = |&omega: &f64| Known {
+                omega,
+                behind_controller: loops.behind_controller(omega),
+                seen: loops.seen(omega),
+                behind_velocity: loops.behind_velocity(omega) * loops.latency(omega),
+            };
+            Grid { known: omegas.iter().map(known).collect(), omegas }
+        };
+        Self { grids: [grid(1), grid(every)] }
+    }
+}
+
+impl Grid {
+    fn margins(&self, known: impl Fn(&Known) -> Complex<f64>, open: impl Fn(f64) -> Complex<f64>) -> Margins {
+        let responses: Vec<Complex<f64>> = self.known.iter().map(known).collect();
+        Margins::on(&self.omegas, &responses, open)
     }
 }
 
 /// What holding a value over `span_s` does to it: `(1 - exp(-s T)) / (s T)`.
-fn hold(span_s: f64, omega: f64) -> Complex<f64> {
+pub(super) fn hold(span_s: f64, omega: f64) -> Complex<f64> {
     let half_turn = 0.5 * span_s * omega;
     Complex::from_polar(half_turn.sin() / half_turn, -half_turn)
 }
@@ -207,6 +312,28 @@ mod tests {
         assert!((taken_deg - known_deg).abs() < 1e-6, "{taken_deg} deg taken by 1 ms, known {known_deg}");
         let [none_s, all_s] = [&paper, &late].map(|m| Loops::new(m, AxisId::X, STANDARD).dead_time_s());
         assert!((all_s - none_s - 1e-3).abs() < 1e-9, "{none_s} s and {all_s} s of dead time");
+    }
+
+    #[test]
+    fn what_no_gain_changes_gives_the_same_margins() {
+        for name in ["reference", "paper"] {
+            let machine = machine(name);
+            let known = Gainless::of(&Loops::new(&machine, AxisId::X, STANDARD));
+            for set in [STANDARD, OPTIMAL] {
+                let loops = Loops::new(&machine, AxisId::X, set);
+                let [velocity, position] = loops.margins_on(&known);
+                let pairs = [(velocity, loops.velocity_margins()), (position, loops.position_margins())];
+                for (on_grid, alone) in pairs {
+                    let figures = |m: &Margins| {
+                        [m.crossover_hz, m.phase_margin_deg, m.gain_margin_db, Some(m.sensitivity_max)]
+                    };
+                    for (a, b) in figures(&on_grid).into_iter().zip(figures(&alone)) {
+                        let off = a.zip(b).map_or(f64::NAN, |(a, b)| a / b - 1.0);
+                        assert!(off.abs() < 1e-9 || a == b, "{name}, set {set}: {on_grid:?}, {alone:?}");
+                    }
+                }
+            }
+        }
     }
 
     #[test]

@@ -45,26 +45,33 @@ impl Margins {
     /// Margins of the open loop `L(jω)`, ω in rad/s, sampled at `rate_hz`, with a resonance at
     /// `resonance_hz`.
     pub fn of(open: impl Fn(f64) -> Complex<f64>, rate_hz: f64, resonance_hz: f64) -> Self {
-        let grid = grid(0.5 * rate_hz, resonance_hz);
-        let crossovers = crossings(&grid, |omega| open(omega).norm() - 1.0);
+        let grid = grid(rate_hz, resonance_hz);
+        let responses: Vec<Complex<f64>> = grid.iter().map(|&omega| open(omega)).collect();
+        Self::on(&grid, &responses, open)
+    }
+
+    /// The same of responses that are known on a [`grid`].
+    pub fn on(grid: &[f64], responses: &[Complex<f64>], open: impl Fn(f64) -> Complex<f64>) -> Self {
+        let crossings = |value: fn(Complex<f64>) -> f64| crossings(grid, responses, &open, value);
+        let crossovers = crossings(|response| response.norm() - 1.0);
         let phase_margin_deg = |omega: f64| (-open(omega)).arg().to_degrees();
         let worst =
             crossovers.into_iter().min_by(|a, b| phase_margin_deg(*a).total_cmp(&phase_margin_deg(*b)));
-        let gain_margin_db = crossings(&grid, |omega| open(omega).im)
+        let gain_margin_db = crossings(|response| response.im)
             .into_iter()
             .map(&open)
             .filter(|response| response.re < 0.0)
             .map(|response| -20.0 * response.norm().log10())
             .min_by(f64::total_cmp);
         let sensitivity =
-            |omega: &f64| (Complex::new(1.0, 0.0) / (open(*omega) + Complex::new(1.0, 0.0))).norm();
-        let closed = |omega: f64| (open(omega) / (open(omega) + Complex::new(1.0, 0.0))).norm();
-        let bandwidth = crossings(&grid, |omega| closed(omega) - FRAC_1_SQRT_2);
+            |response: &Complex<f64>| (Complex::new(1.0, 0.0) / (response + Complex::new(1.0, 0.0))).norm();
+        let bandwidth =
+            crossings(|response| (response / (response + Complex::new(1.0, 0.0))).norm() - FRAC_1_SQRT_2);
         Self {
             crossover_hz: worst.map(|omega| omega / TAU),
             phase_margin_deg: worst.map(phase_margin_deg),
             gain_margin_db,
-            sensitivity_max: grid.iter().map(sensitivity).fold(1.0, f64::max),
+            sensitivity_max: responses.iter().map(sensitivity).fold(1.0, f64::max),
             bandwidth_hz: bandwidth.first().map(|omega| omega / TAU),
         }
     }
@@ -77,8 +84,9 @@ impl Margins {
     }
 }
 
-/// Angular frequencies to look at, rad/s, rising.
-fn grid(highest_hz: f64, resonance_hz: f64) -> Vec<f64> {
+/// Angular frequencies to look at in a loop that is sampled at `rate_hz` and has a resonance, rad/s, rising.
+pub fn grid(rate_hz: f64, resonance_hz: f64) -> Vec<f64> {
+    let highest_hz = 0.5 * rate_hz;
     let points = ((highest_hz / LOWEST_HZ).log10() * POINTS_PER_DECADE).ceil().max(1.0);
     let even = (0..=points as usize).map(|n| LOWEST_HZ * (highest_hz / LOWEST_HZ).powf(n as f64 / points));
     let around = (2..=CLOSEST_OCTAVE).flat_map(|octave| {
@@ -90,9 +98,14 @@ fn grid(highest_hz: f64, resonance_hz: f64) -> Vec<f64> {
     grid
 }
 
-/// Where a function of ω changes its sign, rising.
-fn crossings(grid: &[f64], value: impl Fn(f64) -> f64) -> Vec<f64> {
-    let is_above: Vec<bool> = grid.iter().map(|&omega| value(omega) > 0.0).collect();
+/// Where a function of the response changes its sign, rising; `responses` are those on the grid.
+fn crossings(
+    grid: &[f64],
+    responses: &[Complex<f64>],
+    open: impl Fn(f64) -> Complex<f64>,
+    value: impl Fn(Complex<f64>) -> f64,
+) -> Vec<f64> {
+    let is_above: Vec<bool> = responses.iter().map(|&response| value(response) > 0.0).collect();
     grid.windows(2)
         .zip(is_above.windows(2))
         .filter(|(_, sides)| sides[0] != sides[1])
@@ -100,7 +113,7 @@ fn crossings(grid: &[f64], value: impl Fn(f64) -> f64) -> Vec<f64> {
             let (mut low, mut high) = (bracket[0], bracket[1]);
             for _ in 0..BISECTIONS {
                 let middle = 0.5 * (low + high);
-                if (value(middle) > 0.0) == sides[0] { low = middle } else { high = middle }
+                if (value(open(middle)) > 0.0) == sides[0] { low = middle } else { high = middle }
             }
             0.5 * (low + high)
         })

@@ -6,6 +6,8 @@
 //! Any log goes through today's cycle again in [`replay`], or its boards speak to a live host again in
 //! [`playback`]; [`traffic`] turns logs into frames and back.
 //!
+//! [`tune`] looks for gains, by the shipped loops and the plant themselves.
+//!
 //! What a machine file implies before anything runs is in [`check`], from the figures of its
 //! [`loops`] ([`margins`]).
 //! Invariant: pure functions of their input (the one exception writes the finished report); the same
@@ -24,3 +26,4 @@ pub mod replay;
 pub mod report;
 pub mod trace;
 pub mod traffic;
+pub mod tune;

@@ -117,7 +117,23 @@ impl Plant {
         Self::with_fine_steps(axis, tick, FINE_STEPS)
     }
 
-    /// The same with another number of fine steps in a tick: the convergence benchmark and tests.
+    /// An axis that slides steadily, wound up by its friction; its motor is at zero now.
+    ///
+    /// # Panics
+    /// As [`Plant::new`].
+    pub fn sliding(axis: &Parameters, tick: Span, velocity: Velocity) -> Self {
+        let friction_n = Law::new(axis.friction).sliding(velocity).as_n();
+        let (speed, side) = (velocity.as_m_per_s(), velocity.as_m_per_s().signum());
+        let mechanics = &axis.mechanics;
+        let deflection_m = friction_n / mechanics.stiffness_n_per_m + 0.5 * side * mechanics.backlash_m;
+        let motion = [deflection_m, speed, speed, friction_n, 0.0];
+        let mut plant =
+            Self::from_state(axis, tick, FINE_STEPS, motion, side, Gap::new(mechanics.backlash_m));
+        plant.pending_n = [friction_n; DEAD_TICKS_MAX + 1];
+        plant
+    }
+
+    /// An axis at rest with another number of fine steps in a tick: the convergence benchmark and tests.
     pub fn with_fine_steps(axis: &Parameters, tick: Span, fine_steps: u32) -> Self {
         Self::from_state(axis, tick, fine_steps, [0.0; 5], 0.0, Gap::new(axis.mechanics.backlash_m))
     }

@@ -247,3 +247,32 @@ fn an_axis_that_changes_on_its_way_does_not_jump() {
         assert!(later_um > 1.0, "{later_um} um apart later: the change does not act");
     }
 }
+
+#[test]
+fn an_axis_that_begins_sliding_goes_on_sliding() {
+    for (backlash_m, mm_per_s) in [(0.0, 20.0), (0.0, -3.0), (8e-6, -3.0)] {
+        let mut axis = paper_axis();
+        axis.mechanics.backlash_m = backlash_m;
+        axis.friction.viscous_n_s_per_m = 3000.0;
+        axis.actuator.dead_time = Span::us(700);
+        let velocity = Velocity::mm_per_s(mm_per_s);
+        let mut plant = Plant::sliding(&axis, TICK, velocity);
+        let begin = plant.state();
+        let torque = axis.mechanics.torque_for_force(Law::new(axis.friction).sliding(velocity));
+        for _ in 0..200 {
+            plant.step(axis.actuator.current(torque));
+        }
+        let state = plant.state();
+        let (wound, still) =
+            (begin.motor_position - begin.table_position, state.motor_position - state.table_position);
+        assert!(state.motor_position.as_m() * mm_per_s > 0.0, "{state:?}");
+        let way_off = state.motor_position - Position::m(velocity.as_m_per_s() * 0.1);
+        assert!(way_off.abs() < Position::um(1e-6), "{} um off its way", way_off.as_um());
+        assert!(
+            (wound - still).abs() < Position::um(1e-6),
+            "wound up by {} um, then {} um",
+            wound.as_um(),
+            still.as_um()
+        );
+    }
+}

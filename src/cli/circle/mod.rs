@@ -11,7 +11,7 @@ use std::path::PathBuf;
 use anyhow::Context;
 use clap::{Args, ValueEnum};
 
-use super::live::stamp_now;
+use super::live::{outcome_of, stamp_now, with_losses};
 use super::{Outcome, PaceName, machine};
 use crate::base::motion::{Circle, Direction};
 use crate::base::units::{Position, Velocity};
@@ -128,21 +128,10 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let recording = live::record(&machine, &request, &test, &place, arguments.allow_jitter, &log)?;
     let outcome = match recording.ending {
         Ending::Complete => report::of_recording(&machine, &request, &recording, &folder, arguments.json)?,
-        Ending::Interrupted => {
-            eprintln!("interrupted: the axes were stopped along their path and disabled");
-            Outcome::NotDone
-        }
-        Ending::Faulted(axis, fault) => {
-            eprintln!("axis {axis}: {fault}; see {}", fault.page());
-            Outcome::NotDone
-        }
-        Ending::Refused => {
-            eprintln!("the cycle did not begin a motion that it was ordered; the axes were disabled");
-            Outcome::NotDone
-        }
+        ending @ (Ending::Interrupted | Ending::Faulted(..) | Ending::Refused) => outcome_of(&ending),
     };
     if outcome == Outcome::NotDone {
         eprintln!("the log is kept: {}", recording.log.path.display());
     }
-    Ok(report::with_losses(outcome, &recording.log, recording.lost_records))
+    Ok(with_losses(outcome, &recording.log, recording.lost_records))
 }

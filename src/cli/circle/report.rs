@@ -15,7 +15,7 @@ use crate::cli::{Outcome, print_json, print_text, view};
 use crate::config::plan::CircleRequest;
 use crate::config::{self, EMBEDDED, Machine};
 use crate::log::header::{IMPORTED, rfc3339};
-use crate::log::{Header, Reader, WriteOutcome};
+use crate::log::{Header, Reader};
 use crate::offline::circle::protrusion::QuadrantHeights;
 use crate::offline::circle::{self, CircularTest, Run, paper};
 use crate::offline::report::{self, ReportFiles, TestSheet};
@@ -286,18 +286,6 @@ fn print(
         lines += &format!("report  {}\n        {}\n        {}\n", names[0], names[1], names[2]);
     }
     print_text(&lines)
-}
-
-/// The outcome with what the log lost, said aloud.
-pub(super) fn with_losses(outcome: Outcome, log: &WriteOutcome, lost_records: u64) -> Outcome {
-    if let Some(error) = &log.first_error {
-        eprintln!("error: {error}");
-    }
-    if lost_records > 0 {
-        eprintln!("error: {lost_records} records are not in the log {}", log.path.display());
-    }
-    let is_whole = lost_records == 0 && log.is_complete && log.first_error.is_none();
-    if outcome == Outcome::Done && !is_whole { Outcome::Incomplete } else { outcome }
 }
 
 #[cfg(test)]

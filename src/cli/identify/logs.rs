@@ -1,16 +1,19 @@
 //! Identification from logs of the machine itself, and the way of what was found into its machine file.
 
-use super::super::view::findings;
+use std::path::PathBuf;
+
+use super::super::view::{findings, loop_margins};
 use super::super::{Outcome, print_json, print_text};
 use super::Arguments;
-use crate::offline::identify::Findings;
-use crate::offline::identify::logged::Settings;
+use crate::offline::identify::logged::{LoggedAxis, Settings};
 use crate::offline::identify::logs::Logs;
 use crate::offline::identify::write_back::Target;
+use crate::offline::identify::{Findings, frequency, joined};
+use crate::offline::report;
 use crate::offline::report::identification::{self, AxisPage};
 
-pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
-    let logs = Logs::open(&arguments.log)?;
+pub(super) fn run(arguments: &Arguments, paths: &[PathBuf]) -> anyhow::Result<Outcome> {
+    let logs = Logs::open(paths)?;
     for warning in &logs.warnings {
         eprintln!("warning: {warning}");
     }
@@ -19,16 +22,26 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let settings =
         Settings { torque_constant_tolerance_percent: arguments.torque_constant_tolerance_percent };
     let axes = logs.identify(settings)?;
-    let found: Findings = axes.iter().map(|(name, axis)| (name.clone(), axis.findings.clone())).collect();
+    let responses = frequency::of_logs(paths)?;
+    let all_of = |(name, axis): &(String, LoggedAxis)| {
+        let response = responses.get(name).map(|response| &response.findings);
+        (name.clone(), joined(&axis.findings, response))
+    };
+    let found: Findings = axes.iter().map(all_of).collect();
     if arguments.json {
         print_json(&found)?;
     } else {
         let said: String = axes.iter().map(|(name, axis)| format!("{name}: {}\n", axis.summary)).collect();
-        print_text(&format!("{}\n{said}", findings(&found)))?;
+        let margins = if responses.is_empty() { String::new() } else { loop_margins(&responses) + "\n\n" };
+        print_text(&format!("{margins}{}\n{said}", findings(&found)))?;
     }
     if let Some(folder) = &arguments.report {
-        let pages = axes.iter().map(|(name, axis)| (name.clone(), AxisPage::of_logged(name, axis))).collect();
+        let page = |(name, axis): &(String, LoggedAxis)| {
+            (name.clone(), AxisPage::of_logged(name, axis, responses.get(name)))
+        };
+        let pages = axes.iter().map(page).collect();
         let files = identification::write(folder, &logs.names(), &found, &pages)?;
+        report::frequency::write(folder, &responses)?;
         eprintln!("report: {}", files.html.display());
     }
     if let Some(target) = target {

@@ -1,19 +1,51 @@
-//! `quadrant identify`: measured motion in, parameters of the axes with their intervals out.
+//! `quadrant identify`: experiments on a machine, and measured motion in, parameters of the axes with their
+//! intervals out.
 
+mod experiments;
 mod foreign;
 mod logs;
 
 use std::path::PathBuf;
 
-use clap::{ArgGroup, Args};
+use clap::Args;
 
-use super::Outcome;
+use super::{Outcome, PaceName};
 
 #[derive(Debug, Args)]
-#[command(group = ArgGroup::new("measured").required(true).args(["log", "data"]))]
 pub(super) struct Arguments {
-    /// Logs of one machine (MCAP), any number of them
-    #[arg(long, value_name = "FILE.mcap", num_args = 1..)]
+    /// Machine file, or an embedded machine, to run the experiments on
+    #[arg(long, default_value = "reference", value_name = "FILE|NAME")]
+    machine: String,
+    /// Gain set of the machine file during the experiments
+    #[arg(long, default_value = "standard", value_name = "NAME")]
+    gains: String,
+    /// Axes to run the experiments on, as `x,y` [default: all]
+    #[arg(long, value_delimiter = ',', value_name = "AXES")]
+    axes: Vec<String>,
+    /// CAN interface of the machine: with --pace realtime a real or simulated one, in virtual time `hil-sim`;
+    /// without, the machine is simulated in this process
+    #[arg(long, value_name = "INTERFACE")]
+    bus: Option<String>,
+    /// As fast as the processor allows, or on the wall clock
+    #[arg(long, value_enum, default_value_t = PaceName::Virtual)]
+    pace: PaceName,
+    /// Seed of everything random in the simulated machine
+    #[arg(long, default_value_t = 1, value_name = "N")]
+    seed: u64,
+    /// Simulate the axes of this machine file behind the boards: what the machine file does not know of
+    #[arg(long, value_name = "FILE|NAME", conflicts_with = "bus")]
+    plant: Option<String>,
+    /// Write the log of the experiments to this file [default: in a new folder under quadrant-out]
+    #[arg(long, value_name = "FILE.mcap")]
+    log_to: Option<PathBuf>,
+    /// Move a real machine without asking
+    #[arg(long)]
+    yes: bool,
+    /// Drive a real machine from a computer that is not fit for real time: at a desk only
+    #[arg(long)]
+    allow_jitter: bool,
+    /// Instead of experiments: logs of one machine (MCAP), any number of them
+    #[arg(long, value_name = "FILE.mcap", num_args = 1.., conflicts_with = "data")]
     log: Vec<PathBuf>,
     /// How far the torque constant may be off, as half a 95 % interval: a term of its own in every force
     #[arg(long, value_name = "PERCENT", default_value_t = 5.0, value_parser = percent,
@@ -22,7 +54,7 @@ pub(super) struct Arguments {
     /// Put what was found into this machine file, with interval and origin; it is checked before it is replaced
     #[arg(long, value_name = "FILE.toml", conflicts_with = "data")]
     write: Option<PathBuf>,
-    /// Measurements that are no log: a CSV file (`-` for standard input)
+    /// Instead of experiments: measurements that are no log, a CSV file (`-` for standard input)
     #[arg(long, value_name = "FILE.csv", requires = "columns")]
     data: Option<PathBuf>,
     /// What the columns of the CSV file are
@@ -47,6 +79,7 @@ fn percent(text: &str) -> Result<f64, String> {
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     match (&arguments.data, &arguments.columns) {
         (Some(data), Some(columns)) => foreign::run(arguments, data, columns),
-        _ => logs::run(arguments),
+        _ if !arguments.log.is_empty() => logs::run(arguments, &arguments.log),
+        _ => experiments::run(arguments),
     }
 }

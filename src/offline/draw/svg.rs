@@ -112,6 +112,14 @@ impl Svg {
         self.element(format_args!(r#"<circle cx="{x}" cy="{y}" r="{r}" fill="{fill}" {look}/>"#));
     }
 
+    /// A filled rectangle without edge.
+    pub fn area(&mut self, corner: [f64; 2], size: [f64; 2], fill: &str) {
+        let [x, y, width, height] = [corner[0], corner[1], size[0], size[1]].map(number);
+        self.element(format_args!(
+            r#"<rect x="{x}" y="{y}" width="{width}" height="{height}" fill="{fill}"/>"#
+        ));
+    }
+
     /// A rectangle without filling.
     pub fn frame(&mut self, corner: [f64; 2], size: [f64; 2], stroke: Stroke) {
         let [x, y, width, height] = [corner[0], corner[1], size[0], size[1]].map(number);

@@ -4,9 +4,10 @@
 //!   log, CSV ──► columns of an axis ──► stretches ──► regressions and fits ──► Findings ──► machine file
 //! ```
 //!
-//! [`logs`] opens logs and [`logged`] identifies an axis of them, from what [`stretches`] finds in the [`measured`]
-//! columns; [`write_back`] puts it into a machine file. [`foreign`] reads measurements that are no log of ours, by a
-//! map of their columns; [`rigid`] fits the axis that has no elasticity to them. [`least_squares`] is what all
+//! [`plan`] is the list of motions that tell the most. [`logs`] opens logs and [`logged`] identifies an axis of
+//! them, from what [`stretches`] finds in the [`measured`] columns, [`frequency`] from what was excited;
+//! [`write_back`] puts it into a machine file. [`foreign`] reads measurements that are no log of ours, by a map of
+//! their columns; [`rigid`] fits the axis that has no elasticity to them. [`least_squares`] is what all
 //! regressions share.
 //! Invariant: a value comes with its interval, its unit and the data behind it; what the data do not tell is
 //! said with what would tell it, and never guessed.
@@ -20,11 +21,13 @@ pub mod comparison;
 pub mod current_loop;
 pub mod fall;
 pub mod foreign;
+pub mod frequency;
 pub mod inertia;
 pub mod least_squares;
 pub mod logged;
 pub mod logs;
 pub mod measured;
+pub mod plan;
 pub mod rigid;
 pub mod ripple;
 pub mod smoothing;
@@ -106,3 +109,40 @@ impl From<Estimate> for Finding {
 pub type AxisFindings = BTreeMap<String, Finding>;
 /// Those of each axis, by its name.
 pub type Findings = BTreeMap<String, AxisFindings>;
+
+/// What two ways tell of the same axis: of a parameter that both tell, the narrower interval; of one that neither
+/// tells, what the first needs.
+pub fn joined(first: &AxisFindings, second: Option<&AxisFindings>) -> AxisFindings {
+    let mut all = first.clone();
+    let width = |finding: &Finding| finding.estimate().map(|e| e.ci95[1] - e.ci95[0]);
+    for (name, other) in second.into_iter().flatten() {
+        let is_better = match (all.get(name), width(other)) {
+            (None, _) => true,
+            (Some(_), None) => false,
+            (Some(kept), Some(narrow)) => width(kept).is_none_or(|wide| narrow < wide),
+        };
+        if is_better {
+            all.insert(name.clone(), other.clone());
+        }
+    }
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn of_two_findings_the_surer_one_is_kept() {
+        let some = |half: f64| Finding::from(Estimate::within(5.0, half, "kg", "a test"));
+        let findings = |list: [(&str, Finding); 3]| -> AxisFindings {
+            list.into_iter().map(|(name, finding)| (name.to_owned(), finding)).collect()
+        };
+        let first = findings([("a", some(1.0)), ("b", Finding::unknown("x")), ("c", Finding::unknown("x"))]);
+        let second = findings([("a", some(0.5)), ("b", some(2.0)), ("c", Finding::unknown("y"))]);
+        let all = findings([("a", some(0.5)), ("b", some(2.0)), ("c", Finding::unknown("x"))]);
+        assert_eq!(joined(&first, Some(&second)), all);
+        assert_eq!(joined(&second, Some(&first))["a"], some(0.5));
+        assert_eq!(joined(&first, None), first);
+    }
+}

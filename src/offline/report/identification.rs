@@ -9,12 +9,14 @@ use std::path::{Path, PathBuf};
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
+use super::frequency::bode;
 use super::page::STYLE;
 use super::{PNG_SCALE, ReportError, put};
 use crate::base::units::Velocity;
 use crate::offline::draw::friction::{self, Fitted};
 use crate::offline::draw::scale::signed;
 use crate::offline::draw::{png, reversal};
+use crate::offline::identify::frequency::AxisResponse;
 use crate::offline::identify::logged::LoggedAxis;
 use crate::offline::identify::rigid::{RigidAxis, RigidFit, Shape};
 use crate::offline::identify::{AxisFindings, Finding, Findings};
@@ -51,7 +53,7 @@ impl AxisPage {
     }
 
     /// An axis from its logs.
-    pub fn of_logged(name: &str, axis: &LoggedAxis) -> Self {
+    pub fn of_logged(name: &str, axis: &LoggedAxis, response: Option<&AxisResponse>) -> Self {
         let points: Vec<[f64; 2]> =
             axis.points.iter().map(|point| [1e3 * point.velocity_m_per_s, point.force_n]).collect();
         let curve =
@@ -60,6 +62,9 @@ impl AxisPage {
         if !axis.reversal.is_empty() {
             let title = format!("A reversal of axis {name}");
             drawings.push(("reversal", reversal::draw(&title, &axis.reversal)));
+        }
+        if let Some(response) = response {
+            drawings.push(("frequency", bode(name, response)));
         }
         Self { summary: axis.summary.clone(), drawings }
     }

@@ -1,12 +1,14 @@
-//! The result of a circular test, or of an [`identification`], as files a person opens: a page, a drawing, a
+//! The result of a circular test, of an [`identification`] or of a [`tuning`], as files a person opens: a page, a drawing, a
 //! picture.
 //!
 //! Each file is written under a temporary name in the same folder and renamed when it is complete, so
 //! a reader never sees half a report. Invariant: the page needs nothing beside itself: no script, no
 //! network, no second file.
 
+pub mod frequency;
 pub mod identification;
 mod page;
+pub mod tuning;
 
 use std::fs;
 use std::io::{self, Write};

@@ -74,8 +74,9 @@ impl Limits {
     pub fn hold_velocity(&self, wanted: Velocity, before: Velocity, since_s: f64) -> (Velocity, bool, bool) {
         let within = wanted.clamp_abs(self.velocity);
         let reach = Velocity::m_per_s(self.acceleration.as_m_per_s2() * since_s);
-        let held = before + (within - before).clamp_abs(reach);
-        (held, within != wanted, held != within)
+        let change = within - before;
+        // Asked of the change: what is left of it after an addition may differ in the last digit.
+        (before + change.clamp_abs(reach), within != wanted, change.abs() > reach)
     }
 
     /// Whether a fresh sample moved further than the axis can, with or without current.
@@ -193,5 +194,7 @@ mod tests {
         assert_eq!(hold(150.0, 145.0), (150.0, false, false));
         assert_eq!(hold(250.0, 195.0), (200.0, true, false));
         assert_eq!(hold(-250.0, 195.0), (185.0, true, true));
+        // 0.9 + (0.1 - 0.9) is not 0.1 to the last digit.
+        assert!(matches!(hold(0.1, 0.9), (_, false, false)));
     }
 }

@@ -13,6 +13,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use super::seen::{Admission, is_everywhere};
 use crate::base::axis::{AXES_MAX, AxisId};
 use crate::base::fault::Fault;
+use crate::base::order::{Excitation, ExcitedMotion};
 use crate::base::record::{CycleRecord, ModeTag};
 use crate::base::units::{Acceleration, Position, Velocity};
 use crate::rt::control::profile::{CircleMotion, LineMotion, line_duration_s};
@@ -48,6 +49,13 @@ pub enum Step {
     Line(Way),
     /// Move in a circle; the axes stand at its start.
     Circle(CircleMotion),
+    /// Move straight, and excite an axis on the way.
+    Excited {
+        /// The move.
+        way: Way,
+        /// What is added to it.
+        excitation: Excitation,
+    },
     /// Hold position.
     Dwell {
         /// For so many periods.
@@ -59,7 +67,7 @@ impl Step {
     /// Whether it is a motion, which the cycle counts.
     pub const fn is_motion(&self) -> bool {
         match self {
-            Self::Line(_) | Self::Circle(_) => true,
+            Self::Line(_) | Self::Circle(_) | Self::Excited { .. } => true,
             Self::Dwell { .. } => false,
         }
     }
@@ -208,6 +216,10 @@ impl Procedure {
             None => (None, Stage::Disable),
             Some(Step::Line(way)) => (Some(Order::Line(way.line(last))), next),
             Some(Step::Circle(circle)) => (Some(Order::Circle(*circle)), next),
+            Some(Step::Excited { way, excitation }) => {
+                let motion = ExcitedMotion { line: way.line(last), excitation: *excitation };
+                (Some(Order::Excited(motion)), next)
+            }
             Some(Step::Dwell { .. }) => (None, Stage::Dwell { index, since: last.cycle }),
         }
     }
@@ -216,7 +228,7 @@ impl Procedure {
     fn has_dwelt(&self, index: usize, since: u64, last: &CycleRecord) -> bool {
         match self.programme.steps.get(index) {
             Some(Step::Dwell { cycles }) => last.cycle.saturating_sub(since) >= *cycles,
-            Some(Step::Line(_) | Step::Circle(_)) | None => true,
+            Some(Step::Line(_) | Step::Circle(_) | Step::Excited { .. }) | None => true,
         }
     }
 }

@@ -1,0 +1,150 @@
+//! Runs the experiments of a machine and keeps their log: first says what will move, how far, how fast and how
+//! long, and on a real machine asks.
+
+use std::io::{IsTerminal, Write};
+use std::path::PathBuf;
+
+use anyhow::{Context, bail};
+
+use super::super::live::{Job, outcome_of, stamp_now, with_losses};
+use super::super::{Outcome, machine, view};
+use super::{Arguments, logs};
+use crate::base::axis::AxisId;
+use crate::config::Machine;
+use crate::config::machine::AXIS_NAMES;
+use crate::log::{Header, Pace};
+use crate::offline::identify::plan::{Plan, Request};
+use crate::run::{self, Origin, Place};
+
+pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
+    let machine = machine(&arguments.machine)?;
+    let plant = plant(arguments, &machine)?;
+    let request = Request { gains: arguments.gains.clone(), axes: axes(arguments, &machine)? };
+    let plan = Plan::of(&machine, &request)?;
+    if plan.steps.is_empty() {
+        bail!("machine {}: no experiment is possible: {}", machine.name, plan.left_out.join("; "));
+    }
+    let place =
+        Place { pace: arguments.pace.pace(), interface: arguments.bus.as_deref(), seed: arguments.seed };
+    announce(&machine, &plan, &place);
+    let moves_a_machine = place.interface.is_some() && place.pace == Pace::Realtime;
+    if moves_a_machine && !arguments.yes && !agreed()? {
+        eprintln!("nothing was moved");
+        return Ok(Outcome::NotDone);
+    }
+    let log = log_file(arguments, &machine)?;
+    let job = Job {
+        machine: &machine,
+        plant: &plant,
+        programme: plan.programme(),
+        place: &place,
+        allow_jitter: arguments.allow_jitter,
+        log: &log,
+        title: "experiments",
+        duration_s: plan.duration_s(),
+    };
+    let header = |origin: &Origin| header(&machine, &plant, &request, &plan, origin, &place);
+    let (recorded, ()) = job.run(header, |_| (None, ()))?;
+    let outcome = with_losses(outcome_of(&recorded.ending), &recorded.log, recorded.lost_records);
+    if outcome == Outcome::NotDone {
+        eprintln!("the log is kept: {}", log.display());
+        return Ok(outcome);
+    }
+    eprintln!("{} cycles in {:.1} s, log: {}", recorded.cycles, recorded.wall_s, log.display());
+    let analysed = logs::run(arguments, &[log])?;
+    Ok(if outcome == Outcome::Done { analysed } else { outcome })
+}
+
+/// The machine behind the boards: that of the file, unless another was named.
+fn plant(arguments: &Arguments, of_file: &Machine) -> anyhow::Result<Machine> {
+    let Some(name) = &arguments.plant else { return Ok(of_file.clone()) };
+    let plant = machine(name)?;
+    if plant.axes.count() != of_file.axes.count() || plant.cycle.period != of_file.cycle.period {
+        bail!(
+            "--plant {name}: {} axes every {} us, machine {} has {} every {} us",
+            plant.axes.count(),
+            plant.cycle.period.as_us(),
+            of_file.name,
+            of_file.axes.count(),
+            of_file.cycle.period.as_us()
+        );
+    }
+    Ok(plant)
+}
+
+/// The axes of `--axes`; empty: all.
+fn axes(arguments: &Arguments, machine: &Machine) -> anyhow::Result<Vec<AxisId>> {
+    let known = machine.axis_names();
+    let one = |name: &String| -> anyhow::Result<AxisId> {
+        let place = known.iter().position(|axis| axis == name);
+        let place =
+            place.with_context(|| format!("--axes: no axis {name}; there are {}", known.join(", ")))?;
+        Ok(AxisId::new(place))
+    };
+    arguments.axes.iter().map(one).collect()
+}
+
+fn announce(machine: &Machine, plan: &Plan, place: &Place<'_>) {
+    let at = match (place.interface, place.pace) {
+        (None, _) => "simulated in this process".to_owned(),
+        (Some(interface), Pace::Virtual) => format!("simulated behind {interface}"),
+        (Some(interface), Pace::Realtime) => format!("behind {interface}: real axes may move"),
+    };
+    eprintln!("machine {}, {at}", machine.name);
+    for axis in machine.axes.axes() {
+        let (low, high) = plan.reach(axis);
+        let name = AXIS_NAMES[axis.index()];
+        if low == high {
+            eprintln!("  axis {name} stays where it stands");
+        } else {
+            eprintln!(
+                "  axis {name} moves between {:.1} and {:.1} mm from where it stands",
+                low.as_mm(),
+                high.as_mm()
+            );
+        }
+    }
+    eprintln!("{}", view::experiments(&plan.summary()));
+    plan.left_out.iter().for_each(|why| eprintln!("left out: {why}"));
+    eprintln!("about {:.0} s in all; Ctrl-C brings the axes to rest along their path", plan.duration_s());
+}
+
+/// Whether the person at the terminal wants it.
+fn agreed() -> anyhow::Result<bool> {
+    if !std::io::stdin().is_terminal() {
+        bail!("refused to move a machine unasked: there is no terminal to ask at; --yes says yes beforehand");
+    }
+    eprint!("Is the travel free, and somebody at the emergency stop? Type yes to start: ");
+    std::io::stderr().flush()?;
+    let mut answer = String::new();
+    std::io::stdin().read_line(&mut answer)?;
+    Ok(answer.trim() == "yes")
+}
+
+fn log_file(arguments: &Arguments, machine: &Machine) -> anyhow::Result<PathBuf> {
+    if let Some(file) = &arguments.log_to {
+        return Ok(file.clone());
+    }
+    let stamp = stamp_now();
+    let folder = PathBuf::from("quadrant-out").join(format!("{stamp}-identify-{}", machine.name));
+    std::fs::create_dir_all(&folder)
+        .with_context(|| format!("cannot create the output folder {}", folder.display()))?;
+    Ok(folder.join(format!("identify-{stamp}.mcap")))
+}
+
+fn header(
+    machine: &Machine,
+    plant: &Machine,
+    request: &Request,
+    plan: &Plan,
+    origin: &Origin,
+    place: &Place<'_>,
+) -> Header {
+    let mut header = run::header(machine, place, origin, "quadrant");
+    header.motions = plan.motions();
+    header.extra.insert("gains".to_owned(), request.gains.clone());
+    if place.interface.is_none() && plant.source != machine.source {
+        header.extra.insert("plant".to_owned(), plant.source.clone());
+    }
+    header
+}
