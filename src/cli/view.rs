@@ -10,6 +10,7 @@ use crate::log::timing::Share;
 use crate::log::{Header, Summary};
 use crate::offline::check::{MachineReport, Row};
 use crate::offline::circle::{CircularTest, PointAnalysis, Quadrant};
+use crate::offline::identify::frequency::AxisResponse;
 use crate::offline::identify::plan::{Part, Purpose};
 use crate::offline::identify::{Estimate, Finding, Findings};
 use crate::offline::report::TestSheet;
@@ -75,6 +76,28 @@ pub(super) fn experiments(parts: &BTreeMap<Purpose, Part>) -> String {
             format!("{:.2} mm/s", part.top_speed_mm_per_s),
             format!("{:.0} s", part.duration_s),
         ]);
+    }
+    rows.to_string()
+}
+
+/// Margins of velocity loops, as measured beside as computed.
+pub(super) fn loop_margins(axes: &BTreeMap<String, AxisResponse>) -> String {
+    let mut rows = table(&["velocity loop", "crossover", "phase margin", "gain margin", "Ms", "bandwidth"]);
+    for (axis, response) in axes {
+        let both = [("measured", &response.measured), ("computed", &response.computed)];
+        for (how, margins) in both {
+            let told = |value: Option<f64>, unit| {
+                value.map_or("none".to_owned(), |value| format!("{value:.1} {unit}"))
+            };
+            rows.add_row([
+                format!("{axis}, {how}"),
+                told(margins.crossover_hz, "Hz"),
+                told(margins.phase_margin_deg, "deg"),
+                told(margins.gain_margin_db, "dB"),
+                format!("{:.2}", margins.sensitivity_max),
+                told(margins.bandwidth_hz, "Hz"),
+            ]);
+        }
     }
     rows.to_string()
 }

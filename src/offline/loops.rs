@@ -248,7 +248,7 @@ impl Grid {
 }
 
 /// What holding a value over `span_s` does to it: `(1 - exp(-s T)) / (s T)`.
-fn hold(span_s: f64, omega: f64) -> Complex<f64> {
+pub(super) fn hold(span_s: f64, omega: f64) -> Complex<f64> {
     let half_turn = 0.5 * span_s * omega;
     Complex::from_polar(half_turn.sin() / half_turn, -half_turn)
 }

@@ -87,6 +87,8 @@ pub struct AxisTrace {
     pub current_command_a: Vec<f64>,
     /// Output of the position loop, m/s.
     pub velocity_command_m_per_s: Vec<f64>,
+    /// Added to it in an excited motion, m/s.
+    pub excitation_m_per_s: Vec<f64>,
     /// Proportional term of the velocity loop, N m.
     pub torque_proportional_nm: Vec<f64>,
     /// Integral term of the velocity loop, N m.
@@ -112,6 +114,7 @@ impl AxisTrace {
         self.current_a.push(sample.current.as_a());
         self.current_command_a.push(command.current.as_a());
         self.velocity_command_m_per_s.push(command.terms.velocity_command.as_m_per_s());
+        self.excitation_m_per_s.push(command.terms.excitation.as_m_per_s());
         self.torque_proportional_nm.push(command.terms.proportional.as_nm());
         self.torque_integral_nm.push(command.terms.integral.as_nm());
         self.torque_friction_nm.push(command.terms.friction.as_nm());
@@ -218,6 +221,7 @@ impl Trace {
                     current_a: cut(&axis.current_a),
                     current_command_a: cut(&axis.current_command_a),
                     velocity_command_m_per_s: cut(&axis.velocity_command_m_per_s),
+                    excitation_m_per_s: cut(&axis.excitation_m_per_s),
                     torque_proportional_nm: cut(&axis.torque_proportional_nm),
                     torque_integral_nm: cut(&axis.torque_integral_nm),
                     torque_friction_nm: cut(&axis.torque_friction_nm),

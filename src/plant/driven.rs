@@ -100,6 +100,16 @@ impl Driven {
         self.force(speed)
     }
 
+    /// Of a table that stands, the deflection is known from the force that the motor feels of the screw: go a share
+    /// of the way to it. Whether the table sticks once more in its chatter hangs by a hair, and a branch that was
+    /// not taken would be missed for good without this; one that slides goes its own way.
+    pub fn follow(&mut self, force: Force, share: f64) {
+        if self.slide == 0.0 {
+            let aim_m = force.clamp_abs(self.law.breakaway()).as_n() / self.stiffness_n_per_m;
+            self.deflection_m += share * (aim_m - self.deflection_m);
+        }
+    }
+
     fn force(&self, motor_m_per_s: f64) -> Force {
         let stretch_m_per_s = motor_m_per_s - self.table_m_per_s;
         Force::n(self.stiffness_n_per_m * self.deflection_m + self.damping_n_s_per_m * stretch_m_per_s)
@@ -143,8 +153,7 @@ impl Driven {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::units::Current;
-    use crate::base::units::Position;
+    use crate::base::units::{Current, Position};
     use crate::plant::Plant;
     use crate::plant::tests::paper_axis;
 

@@ -2,34 +2,19 @@
 //! long, and on a real machine asks.
 
 use std::io::{IsTerminal, Write};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::{Context, bail};
-use serde::Serialize;
 
-use super::super::live::{Job, Recorded, outcome_of, stamp_now, with_losses};
-use super::super::{Outcome, machine, print_json, print_text, view};
-use super::Arguments;
+use super::super::live::{Job, outcome_of, stamp_now, with_losses};
+use super::super::{Outcome, machine, view};
+use super::{Arguments, logs};
 use crate::base::axis::AxisId;
 use crate::config::Machine;
 use crate::config::machine::AXIS_NAMES;
 use crate::log::{Header, Pace};
-use crate::offline::identify::plan::{Part, Plan, Purpose, Request};
+use crate::offline::identify::plan::{Plan, Request};
 use crate::run::{self, Origin, Place};
-
-/// What `--json` prints.
-#[derive(Serialize)]
-struct Printed<'a> {
-    machine: &'a str,
-    gains: &'a str,
-    log: &'a Path,
-    cycles: u64,
-    lost_records: u64,
-    seconds: f64,
-    planned_s: f64,
-    experiments: std::collections::BTreeMap<Purpose, Part>,
-    left_out: &'a [String],
-}
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let machine = machine(&arguments.machine)?;
@@ -65,8 +50,9 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         eprintln!("the log is kept: {}", log.display());
         return Ok(outcome);
     }
-    show(arguments, &machine, &plan, &recorded)?;
-    Ok(outcome)
+    eprintln!("{} cycles in {:.1} s, log: {}", recorded.cycles, recorded.wall_s, log.display());
+    let analysed = logs::run(arguments, &[log])?;
+    Ok(if outcome == Outcome::Done { analysed } else { outcome })
 }
 
 /// The machine behind the boards: that of the file, unless another was named.
@@ -161,27 +147,4 @@ fn header(
         header.extra.insert("plant".to_owned(), plant.source.clone());
     }
     header
-}
-
-fn show(arguments: &Arguments, machine: &Machine, plan: &Plan, recorded: &Recorded) -> anyhow::Result<()> {
-    let printed = Printed {
-        machine: &machine.name,
-        gains: &arguments.gains,
-        log: &recorded.log.path,
-        cycles: recorded.cycles,
-        lost_records: recorded.lost_records,
-        seconds: recorded.wall_s,
-        planned_s: plan.duration_s(),
-        experiments: plan.summary(),
-        left_out: &plan.left_out,
-    };
-    if arguments.json {
-        return print_json(&printed);
-    }
-    print_text(&format!(
-        "{} cycles in {:.1} s\nlog: {}\n",
-        recorded.cycles,
-        recorded.wall_s,
-        recorded.log.path.display()
-    ))
 }

@@ -11,13 +11,14 @@ use super::super::{Outcome, print_json, print_text};
 use super::Arguments;
 use crate::offline::identify::foreign::Foreign;
 use crate::offline::identify::rigid::RigidAxis;
-use crate::offline::report::identification;
+use crate::offline::report::identification::{self, AxisPage};
 
-pub(super) fn run(arguments: &Arguments, data: &Path, map: &Path) -> anyhow::Result<Outcome> {
-    let columns = std::fs::read_to_string(map).with_context(|| format!("cannot read {}", map.display()))?;
+pub(super) fn run(arguments: &Arguments, data: &Path, columns: &Path) -> anyhow::Result<Outcome> {
+    let map =
+        std::fs::read_to_string(columns).with_context(|| format!("cannot read {}", columns.display()))?;
     let name = data.display().to_string();
     let foreign =
-        Foreign::read(&columns, opened(data)?).with_context(|| format!("{name} by {}", map.display()))?;
+        Foreign::read(&map, opened(data)?).with_context(|| format!("{name} by {}", columns.display()))?;
     let axes = RigidAxis::identify(&foreign).with_context(|| name.clone())?;
     let found = axes.iter().map(|(axis, rigid)| (axis.clone(), rigid.findings(&name))).collect();
     if arguments.json {
@@ -28,7 +29,9 @@ pub(super) fn run(arguments: &Arguments, data: &Path, map: &Path) -> anyhow::Res
         print_text(&format!("{}\n{said}", findings(&found)))?;
     }
     if let Some(folder) = &arguments.report {
-        let files = identification::write(folder, &name, &found, &axes)?;
+        let pages =
+            axes.iter().map(|(axis, rigid)| (axis.clone(), AxisPage::of_rigid(axis, rigid))).collect();
+        let files = identification::write(folder, &name, &found, &pages)?;
         eprintln!("report: {}", files.html.display());
     }
     Ok(Outcome::Done)

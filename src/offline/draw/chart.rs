@@ -43,9 +43,17 @@ pub const BELOW: f64 = 40.0;
 impl Chart {
     /// Draws the frame with its upper left corner at `corner`; ticks and labels go outside it.
     pub fn draw(&self, svg: &mut Svg, corner: [f64; 2], size: [f64; 2]) {
+        let ticks = Scale::new(self.range_x, [0.0, size[0]]).ticks((size[0] / 45.0) as usize);
+        let named: Vec<(f64, String)> = ticks.values.iter().map(|at| (*at, ticks.label(*at))).collect();
+        self.draw_with(svg, corner, size, &named);
+    }
+
+    /// The same with ticks of the caller on the horizontal axis, which may be a logarithm: their values and
+    /// names.
+    pub fn draw_with(&self, svg: &mut Svg, corner: [f64; 2], size: [f64; 2], ticks: &[(f64, String)]) {
         let x = Scale::new(self.range_x, [corner[0], corner[0] + size[0]]);
         let y = Scale::new(self.range_y, [corner[1] + size[1], corner[1]]);
-        self.grid(svg, &x, &y);
+        self.grid(svg, &x, &y, ticks);
         for line in &self.lines {
             draw_line(svg, line, &x, &y, self.points_max);
         }
@@ -62,26 +70,26 @@ impl Chart {
         size: [f64; 2],
         points: &[[f64; 2]],
         colour: &'static str,
+        radius: f64,
     ) {
         let x = Scale::new(self.range_x, [corner[0], corner[0] + size[0]]);
         let y = Scale::new(self.range_y, [corner[1] + size[1], corner[1]]);
         let is_in = |value: f64, [low, high]: [f64; 2]| (low..=high).contains(&value);
         for [across, up] in points {
             if is_in(*across, self.range_x) && is_in(*up, self.range_y) {
-                svg.circle([x.place(*across), y.place(*up)], 1.4, colour, Stroke::solid(colour, 0.0));
+                svg.circle([x.place(*across), y.place(*up)], radius, colour, Stroke::solid(colour, 0.0));
             }
         }
     }
 
-    fn grid(&self, svg: &mut Svg, x: &Scale, y: &Scale) {
+    fn grid(&self, svg: &mut Svg, x: &Scale, y: &Scale, ticks_x: &[(f64, String)]) {
         let soft = |anchor| TextStyle { colour: SOFT_INK, ..text(11.0, anchor) };
         let ([left, right], [bottom, top]) = (x.places(), y.places());
-        let ticks = x.ticks(((right - left) / 45.0) as usize);
-        for value in &ticks.values {
+        for (value, name) in ticks_x {
             let place = x.place(*value);
             svg.line([place, top], [place, bottom], Stroke::solid(GRID, 0.7));
             if !self.label_x.is_empty() {
-                svg.text([place, bottom + 14.0], soft(Anchor::Middle), &ticks.label(*value));
+                svg.text([place, bottom + 14.0], soft(Anchor::Middle), name);
             }
         }
         let ticks = y.ticks(((bottom - top) / 28.0) as usize);

@@ -2,12 +2,14 @@
 //!
 //! [`polar`] draws the magnified deviation around the circle, [`reversals`] the four reversals over
 //! time, [`overview`] velocity and current of the whole run, [`latency`] where the time of the periods went,
-//! [`friction`] what friction an axis was found to have; [`map`] and [`tuning`] what gains are worth;
-//! below them [`chart`], [`scale`], [`decimate`] and [`svg`] know nothing of circles.
+//! [`friction`] what friction an axis was found to have, [`reversal`] its model beside the measurement, [`bode`] its
+//! velocity loop over frequency; [`map`] and [`tuning`] what gains are worth; below them [`chart`], [`scale`],
+//! [`decimate`] and [`svg`] know nothing of circles.
 //!
 //! Colours are told apart by colour-blind readers and by their grey: counter-clockwise dark blue,
 //! clockwise light orange. Invariant: no text over text, the same test gives the same bytes.
 
+pub mod bode;
 pub mod chart;
 pub mod decimate;
 pub mod friction;
@@ -16,6 +18,7 @@ pub mod map;
 pub mod overview;
 pub mod png;
 pub mod polar;
+pub mod reversal;
 pub mod reversals;
 pub mod scale;
 pub mod svg;

@@ -348,7 +348,7 @@ impl Draft<'_> {
             let way = Position::m((PI * radius_m).min(self.width(axis).as_m()));
             let start = self.centre(axis) - way / 2.0;
             self.go(axis, start);
-            for to in [start + way, start, start + way, start] {
+            for to in [start + way, start, start + way] {
                 self.run(axis, to, feed, slow, Purpose::Reversal);
             }
         }

@@ -113,7 +113,7 @@ fn one_axis_reverses_by_itself_and_the_other_stays() {
     assert_within(&machine, &plan);
     assert_eq!(plan.reach(AxisId::X), (Position::ZERO, Position::ZERO));
     assert!(plan.steps.iter().all(|planned| planned.axis == Some(AxisId::Y)));
-    assert_eq!(plan.summary()[&Purpose::Reversal].motions, 8);
+    assert_eq!(plan.summary()[&Purpose::Reversal].motions, 6);
 }
 
 #[test]

@@ -1,0 +1,59 @@
+//! Identification from logs of the machine itself, and the way of what was found into its machine file.
+
+use std::path::{Path, PathBuf};
+
+use super::super::view::{findings, loop_margins};
+use super::super::{Outcome, print_json, print_text};
+use super::Arguments;
+use crate::offline::identify::logged::{LoggedAxis, Settings};
+use crate::offline::identify::logs::Logs;
+use crate::offline::identify::write_back::{self, Origin};
+use crate::offline::identify::{Findings, frequency, joined};
+use crate::offline::report;
+use crate::offline::report::identification::{self, AxisPage};
+
+pub(super) fn run(arguments: &Arguments, paths: &[PathBuf]) -> anyhow::Result<Outcome> {
+    let logs = Logs::open(paths)?;
+    for warning in &logs.warnings {
+        eprintln!("warning: {warning}");
+    }
+    let settings =
+        Settings { torque_constant_tolerance_percent: arguments.torque_constant_tolerance_percent };
+    let axes = logs.identify(settings)?;
+    let responses = frequency::of_logs(paths)?;
+    let all_of = |(name, axis): &(String, LoggedAxis)| {
+        let tolerance = settings.torque_constant_tolerance_percent;
+        let response = responses.get(name).map(|response| response.findings_within(tolerance));
+        (name.clone(), joined(&axis.findings, response.as_ref()))
+    };
+    let found: Findings = axes.iter().map(all_of).collect();
+    if arguments.json {
+        print_json(&found)?;
+    } else {
+        let said: String = axes.iter().map(|(name, axis)| format!("{name}: {}\n", axis.summary)).collect();
+        let margins = if responses.is_empty() { String::new() } else { loop_margins(&responses) + "\n\n" };
+        print_text(&format!("{margins}{}\n{said}", findings(&found)))?;
+    }
+    if let Some(folder) = &arguments.report {
+        let page = |(name, axis): &(String, LoggedAxis)| {
+            (name.clone(), AxisPage::of_logged(name, axis, responses.get(name)))
+        };
+        let pages = axes.iter().map(page).collect();
+        let files = identification::write(folder, &logs.names(), &found, &pages)?;
+        report::frequency::write(folder, &responses)?;
+        eprintln!("report: {}", files.html.display());
+    }
+    if let Some(file) = &arguments.write {
+        write(file, &logs, &axes)?;
+    }
+    Ok(Outcome::Done)
+}
+
+fn write(file: &Path, logs: &Logs, axes: &[(String, LoggedAxis)]) -> anyhow::Result<()> {
+    let origin = Origin::of(logs);
+    let change = write_back::changed(file, logs, axes, &origin)?;
+    eprint!("{}", change.difference());
+    change.write()?;
+    eprintln!("written: {}", file.display());
+    Ok(())
+}

@@ -1,0 +1,215 @@
+//! Frequency response of the velocity loop, from the excited motions of a log.
+//!
+//! ```text
+//!   records ──► spectra by period ──► L = V / (R - V), P = V / U, G = I / U ──► margins, parameters
+//! ```
+//!
+//! With `R` the excited velocity command, `V` the velocity as the loop sees it, `U` the current command and `I` the
+//! measured current, each a line of the excitation averaged over its periods. What is not periodic averages out:
+//! the excitation is the instrument, and the loop may stay closed. How the periods scatter is the uncertainty.
+//!
+//! Margins are those of the measured open loop; between its lines it is taken to follow the computed loop, times
+//! the ratio of measured and computed ([`margins`]). Parameters come from `G` and `P` ([`parameters`]).
+//! Invariant: a period in which a sample was stale or a record is missing is not used.
+
+mod descent;
+pub mod margins;
+pub mod parameters;
+pub mod spectra;
+
+use std::collections::BTreeMap;
+use std::io::{Read, Seek};
+use std::path::PathBuf;
+
+use nalgebra::Complex;
+use serde::Serialize;
+use thiserror::Error;
+
+use super::{AxisFindings, Finding};
+use crate::config::machine::AXIS_NAMES;
+use crate::config::{self, Machine};
+use crate::log::{LogError, Reader};
+use crate::offline::loops::Loops;
+use crate::offline::margins::Margins;
+use crate::offline::recorded::{CyclesOf, RecordedCycle};
+use margins::Uncertainty;
+use spectra::{Collector, Observed};
+
+/// Why a log has no frequency response.
+#[derive(Debug, Error)]
+pub enum FrequencyError {
+    /// It cannot be read.
+    #[error(transparent)]
+    Log(#[from] LogError),
+    /// Its machine file is not of this version.
+    #[error("the machine file in the log: {0}")]
+    Machine(String),
+    /// Nothing was excited in it.
+    #[error("no period of an excited motion is whole in the log: `quadrant identify` runs some")]
+    NotExcited,
+}
+
+/// One line of the excitation.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Line {
+    /// Hz.
+    pub frequency_hz: f64,
+    /// Open velocity loop, magnitude.
+    pub open_db: f64,
+    /// Open velocity loop, phase.
+    pub open_deg: f64,
+    /// Standard deviation of the open loop, as a share of its magnitude.
+    pub open_std: f64,
+    /// What the machine file and the gains say it is, magnitude.
+    pub computed_db: f64,
+    /// The same, phase.
+    pub computed_deg: f64,
+    /// Speed of the motor, as the loop sees it, per torque asked for: magnitude, dB of (rad/s)/(N m).
+    pub plant_db: f64,
+    /// The same, phase.
+    pub plant_deg: f64,
+    /// Share of the velocity that repeats from period to period.
+    pub coherence: f64,
+}
+
+/// The velocity loop of one axis.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct AxisResponse {
+    /// Gain set that acted.
+    pub gains: String,
+    /// Periods that were used.
+    pub periods: usize,
+    /// By frequency.
+    pub lines: Vec<Line>,
+    /// The computed loop between the outer lines: frequency in Hz, magnitude in dB, phase in degrees.
+    #[serde(skip)]
+    pub curve: Vec<[f64; 3]>,
+    /// Of the measured loop.
+    pub measured: Margins,
+    /// Standard deviations of two of them.
+    pub uncertainty: Uncertainty,
+    /// Of the loop that machine file and gains say.
+    pub computed: Margins,
+    /// What the response tells of the axis.
+    pub findings: AxisFindings,
+}
+
+/// What the torque constant scales.
+const BY_TORQUE: [&str; 5] = ["total_inertia", "motor_inertia", "mass", "stiffness", "damping"];
+
+impl AxisResponse {
+    /// What the response tells, with the uncertainty of the torque constant (half its 95 % interval, %) in all
+    /// that it scales.
+    pub fn findings_within(&self, torque_constant_tolerance_percent: f64) -> AxisFindings {
+        let mut findings = self.findings.clone();
+        for name in BY_TORQUE {
+            if let Some(Finding::Found(estimate)) = findings.get_mut(name) {
+                *estimate = estimate.clone().with_scale(torque_constant_tolerance_percent, "torque constant");
+            }
+        }
+        findings
+    }
+}
+
+/// The axes of logs that were excited, by name; of one that several excited, the last.
+///
+/// # Errors
+/// When a log cannot be read.
+pub fn of_logs(paths: &[PathBuf]) -> Result<BTreeMap<String, AxisResponse>, FrequencyError> {
+    let mut all = BTreeMap::new();
+    for path in paths {
+        match of_log(&mut Reader::open(path)?) {
+            Err(FrequencyError::NotExcited) => {}
+            responses => all.extend(responses?),
+        }
+    }
+    Ok(all)
+}
+
+/// The axes of a log that were excited, by name.
+///
+/// # Errors
+/// When the log cannot be read or nothing was excited in it.
+pub fn of_log<R: Read + Seek>(log: &mut Reader<R>) -> Result<BTreeMap<String, AxisResponse>, FrequencyError> {
+    let (text, sheets) = (log.header().machine_text.clone(), log.header().sheets.clone());
+    let machine = config::from_texts("of the log", &text, &sheets)
+        .map_err(|problems| FrequencyError::Machine(problems.render(false)))?;
+    let mut collector = Collector::new(machine.cycle.period);
+    for cycle in CyclesOf(log) {
+        let RecordedCycle { record, inputs } = cycle?;
+        collector.see(&record, inputs.iter());
+    }
+    let observed = collector.finish();
+    if observed.is_empty() {
+        return Err(FrequencyError::NotExcited);
+    }
+    Ok(observed
+        .iter()
+        .map(|axis| (AXIS_NAMES[axis.axis.index()].to_owned(), respond(&machine, axis)))
+        .collect())
+}
+
+/// The response of one axis against what its machine says.
+pub fn respond(machine: &Machine, observed: &Observed) -> AxisResponse {
+    let loops = Loops::new(machine, observed.axis, observed.gain_set);
+    let whole = observed.mean();
+    let coherence = observed.coherence();
+    let open_std = observed.scatter(|line| line.open());
+    let torque_per_a = machine.axes[observed.axis].control.axis.actuator.torque_constant_nm_per_a;
+    let rad_per_m = 1.0 / machine.axes[observed.axis].control.axis.mechanics.travel_per_rad_m();
+    let lines = observed
+        .frequencies_hz()
+        .into_iter()
+        .zip(&whole)
+        .enumerate()
+        .map(|(place, (frequency_hz, line))| {
+            let computed = loops.velocity_open(std::f64::consts::TAU * frequency_hz);
+            let plant = line.plant() * (rad_per_m / torque_per_a);
+            Line {
+                frequency_hz,
+                open_db: decibel(line.open()),
+                open_deg: below(line.open()),
+                open_std: open_std[place] / line.open().norm(),
+                computed_db: decibel(computed),
+                computed_deg: below(computed),
+                plant_db: decibel(plant),
+                plant_deg: below(plant),
+                coherence: coherence[place],
+            }
+        })
+        .collect();
+    let (measured, uncertainty) = margins::measured(machine, &loops, observed);
+    AxisResponse {
+        gains: machine.gain_sets[usize::from(observed.gain_set)].clone(),
+        periods: observed.periods.len(),
+        lines,
+        curve: curve(&loops, &observed.frequencies_hz()),
+        measured,
+        uncertainty,
+        computed: loops.velocity_margins(),
+        findings: parameters::find(machine, observed),
+    }
+}
+
+/// Points of the curve.
+const CURVE_POINTS: usize = 400;
+
+fn curve(loops: &Loops<'_>, lines_hz: &[f64]) -> Vec<[f64; 3]> {
+    let (Some(low), Some(high)) = (lines_hz.first(), lines_hz.last()) else { return Vec::new() };
+    let point = |place: usize| {
+        let hz = low * (high / low).powf(place as f64 / CURVE_POINTS as f64);
+        let open = loops.velocity_open(std::f64::consts::TAU * hz);
+        [hz, decibel(open), below(open)]
+    };
+    (0..=CURVE_POINTS).map(point).collect()
+}
+
+fn decibel(response: Complex<f64>) -> f64 {
+    20.0 * response.norm().log10()
+}
+
+/// The phase as a loop with lag has it: from 0 down to -360 degrees.
+fn below(response: Complex<f64>) -> f64 {
+    let degrees = response.arg().to_degrees();
+    if degrees > 0.0 { degrees - 360.0 } else { degrees }
+}

@@ -1,0 +1,97 @@
+//! Promise: `quadrant identify` says what it will move, leaves a log whose header names machine and motions, and
+//! finds what the controller does not know of the plant behind the boards.
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
+#[path = "common/tool.rs"]
+#[expect(dead_code, reason = "one log, whose name is given")]
+mod tool;
+
+use std::fs;
+use std::path::Path;
+
+use quadrant::config::EMBEDDED;
+use quadrant::log::Reader;
+use tempfile::TempDir;
+use tool::{run, text};
+
+/// The reference machine with 68 mm of travel, and changes to it, as a file.
+fn small(folder: &Path, name: &str, edits: &[(&str, &str)]) -> String {
+    let travel = [
+        ("travel-min-mm = -250.0", "travel-min-mm = -8.0"),
+        ("travel-max-mm = 250.0", "travel-max-mm = 60.0"),
+        ("travel-margin-mm = 5.0", "travel-margin-mm = 2.0"),
+    ];
+    let changed = travel.iter().chain(edits).fold(EMBEDDED[0].1.to_owned(), |text, (from, to)| {
+        assert!(text.contains(from), "no `{from}`");
+        text.replace(from, to)
+    });
+    let path = folder.join(name);
+    fs::write(&path, changed).unwrap();
+    text(&path).to_owned()
+}
+
+#[test]
+fn experiments_find_the_plant_that_the_machine_file_does_not_know() {
+    let folder = TempDir::new().unwrap();
+    let machine = small(folder.path(), "machine.toml", &[]);
+    let heavier = [("mass-kg = 335.0", "mass-kg = 400.0")];
+    let plant = small(folder.path(), "plant.toml", &heavier);
+    let [log, report] = ["run.mcap", "report"].map(|name| text(&folder.path().join(name)).to_owned());
+    let words = [
+        "identify",
+        "--machine",
+        &machine,
+        "--plant",
+        &plant,
+        "--axes",
+        "y",
+        "--log-to",
+        &log,
+        "--report",
+        &report,
+        "--json",
+    ];
+    let (told, said, code) = run(&words);
+    assert_eq!(code, 0, "{said}");
+    assert!(said.contains("axis x stays where it stands") && said.contains("axis y moves between"), "{said}");
+    let told = told.unwrap();
+    let mass = &told["frequency_response"]["y"]["findings"]["mass"];
+    let kg = mass["value"].as_f64().unwrap();
+    assert!((kg - 400.0).abs() < 20.0, "{mass}");
+    assert!(told["frequency_response"]["x"].is_null(), "x was not excited");
+    for file in ["frequency-y.svg", "frequency-y.png", "frequency-y.json"] {
+        assert!(fs::metadata(Path::new(&report).join(file)).unwrap().len() > 1_000, "{file}");
+    }
+
+    let log = Reader::open(Path::new(&log)).unwrap();
+    let header = log.header();
+    assert!(header.machine_text.contains("mass-kg = 335.0"), "the machine file of the controller");
+    assert_eq!(header.extra["plant"], plant);
+    let purposes: Vec<&str> =
+        header.motions.values().filter_map(|motion| motion["purpose"].as_str()).collect();
+    for purpose in
+        ["frequency-response", "inertia", "steady-friction", "break-away", "reversal", "positioning"]
+    {
+        assert!(purposes.contains(&purpose), "{purpose} is not in {purposes:?}");
+    }
+}
+
+#[test]
+fn what_cannot_be_run_is_refused_before_anything_moves() {
+    let folder = TempDir::new().unwrap();
+    let log = text(&folder.path().join("run.mcap")).to_owned();
+    for (words, refusal) in [
+        (&["--axes", "x,w"][..], "no axis w; there are x, y"),
+        (&["--gains", "stiff"], "gain set \"stiff\" is not in the machine file"),
+        (&["--plant", "classic"], "machine reference has 2 every 500 us"),
+        (&["--data", "run.csv"], "--columns"),
+        (&["--bus", "can0", "--pace", "realtime"], "--yes says yes beforehand"),
+        (&["--bus", "can0", "--plant", "paper"], "cannot be used with"),
+    ] {
+        let words = [&["identify", "--log-to", &log], words].concat();
+        let (_, said, code) = run(&words);
+        assert_eq!(code, 2, "{words:?}: {said}");
+        assert!(said.contains(refusal), "{words:?}: {said}");
+        assert!(!Path::new(&log).exists(), "{words:?} left a log");
+    }
+}
