@@ -1,13 +1,13 @@
 //! Identification from logs of the machine itself, and the way of what was found into its machine file.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use super::super::view::{findings, loop_margins};
 use super::super::{Outcome, print_json, print_text};
 use super::Arguments;
 use crate::offline::identify::logged::{LoggedAxis, Settings};
 use crate::offline::identify::logs::Logs;
-use crate::offline::identify::write_back::{self, Origin};
+use crate::offline::identify::write_back::Target;
 use crate::offline::identify::{Findings, frequency, joined};
 use crate::offline::report;
 use crate::offline::report::identification::{self, AxisPage};
@@ -17,6 +17,8 @@ pub(super) fn run(arguments: &Arguments, paths: &[PathBuf]) -> anyhow::Result<Ou
     for warning in &logs.warnings {
         eprintln!("warning: {warning}");
     }
+    // A file that cannot take anything is refused before the work.
+    let target = arguments.write.as_deref().map(|file| Target::open(file, &logs)).transpose()?;
     let settings =
         Settings { torque_constant_tolerance_percent: arguments.torque_constant_tolerance_percent };
     let axes = logs.identify(settings)?;
@@ -43,17 +45,11 @@ pub(super) fn run(arguments: &Arguments, paths: &[PathBuf]) -> anyhow::Result<Ou
         report::frequency::write(folder, &responses)?;
         eprintln!("report: {}", files.html.display());
     }
-    if let Some(file) = &arguments.write {
-        write(file, &logs, &axes)?;
+    if let Some(target) = target {
+        let change = target.with(&axes)?;
+        eprint!("{}", change.difference());
+        change.write()?;
+        eprintln!("the machine file is written");
     }
     Ok(Outcome::Done)
-}
-
-fn write(file: &Path, logs: &Logs, axes: &[(String, LoggedAxis)]) -> anyhow::Result<()> {
-    let origin = Origin::of(logs);
-    let change = write_back::changed(file, logs, axes, &origin)?;
-    eprint!("{}", change.difference());
-    change.write()?;
-    eprintln!("written: {}", file.display());
-    Ok(())
 }

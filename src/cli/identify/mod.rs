@@ -48,7 +48,8 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "FILE.mcap", num_args = 1.., conflicts_with = "data")]
     log: Vec<PathBuf>,
     /// How far the torque constant may be off, as half a 95 % interval: a term of its own in every force
-    #[arg(long, value_name = "PERCENT", default_value_t = 5.0, value_parser = percent, conflicts_with = "data")]
+    #[arg(long, value_name = "PERCENT", default_value_t = 5.0, value_parser = percent,
+          allow_negative_numbers = true, conflicts_with = "data")]
     torque_constant_tolerance_percent: f64,
     /// Put what was found into this machine file, with interval and origin; it is checked before it is replaced
     #[arg(long, value_name = "FILE.toml", conflicts_with = "data")]

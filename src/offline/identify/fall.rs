@@ -9,7 +9,8 @@
 //! Force is known below the cut-off of the filters only, and the table follows it while it stands, so chatter is
 //! smeared in the comparison, and the fall comes out too narrow: on simulated machines `D_v` at 0.78 of the truth
 //! and `D_v'` at 1.61, alike for all (friction, stiffness, damping, inertia and ripple were drawn at random). What is
-//! found is corrected by that, and how much single machines differ from it is in the intervals.
+//! found is corrected by that. Single machines differ from it by 4 % and 17 % with an encoder of 0.1 um, and the
+//! reference machine with its 10 nm has 0.67; the intervals hold 10 % and 20 %, rms.
 //!
 //! Below 15 Hz it is the mean force of the chatter that is compared, and not at which moment the table stuck.
 //! Whether friction falls as a parabola (`nonlinear`) or drops (`linear`) is decided by reversals that the
@@ -30,7 +31,7 @@ const SHARES: [f64; 7] = [0.05, 0.1, 0.17, 0.27, 0.4, 0.6, 0.85];
 const NEAR: [f64; 2] = [1.7, 2.2];
 const NEAR_POINTS: [usize; 2] = [15, 9];
 /// What the fit finds of a truth of 1, and how much it differs between machines, rms of the logarithm: `D_v`, `D_v'`.
-const FOUND: [[f64; 2]; 2] = [[0.784, 0.055], [1.61, 0.18]];
+const FOUND: [[f64; 2]; 2] = [[0.784, 0.1], [1.61, 0.2]];
 /// An interval wider than this, as a factor, says nothing.
 const TELLING: f64 = 4.0;
 

@@ -77,19 +77,55 @@ pub enum WriteError {
 
 /// Where values come from.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Origin {
-    /// The logs.
-    pub logs: String,
+struct Origin {
+    logs: String,
     /// When the first of them began.
-    pub date: String,
-    /// Commit of the program that made it.
-    pub commit: String,
+    date: String,
+    /// Of the program that made it.
+    commit: String,
 }
 
 impl Origin {
-    /// That of logs.
-    pub fn of(logs: &Logs) -> Self {
+    fn of(logs: &Logs) -> Self {
         Self { logs: logs.names(), date: rfc3339(logs.wall_at_zero_ns), commit: logs.commit.clone() }
+    }
+}
+
+/// A machine file that shall take what is found in logs.
+#[derive(Debug)]
+pub struct Target {
+    file: MachineFile,
+    machine: Machine,
+    origin: Origin,
+}
+
+impl Target {
+    /// The machine file at `path`, for what is found in these logs.
+    ///
+    /// # Errors
+    /// When the file is no sound machine, or one of another machine than that of the logs.
+    pub fn open(path: &Path, logs: &Logs) -> Result<Self, WriteError> {
+        let file = MachineFile::open(path)?;
+        let machine = file.machine()?;
+        is_same(path, &machine, &logs.machine)?;
+        Ok(Self { file, machine, origin: Origin::of(logs) })
+    }
+
+    /// The file with what was found of each axis.
+    ///
+    /// # Errors
+    /// When nothing was found, or the file would be no sound machine with it.
+    pub fn with(mut self, axes: &[(String, LoggedAxis)]) -> Result<Change, WriteError> {
+        let before = self.file.text();
+        let mut count = 0;
+        for (index, (name, axis)) in axes.iter().enumerate() {
+            count += put(&mut self.file, name, &self.machine, AxisId::new(index), axis, &self.origin)?;
+        }
+        if count == 0 {
+            return Err(WriteError::Nothing);
+        }
+        self.file.machine()?;
+        Ok(Change { file: self.file, before })
     }
 }
 
@@ -98,31 +134,6 @@ impl Origin {
 pub struct Change {
     file: MachineFile,
     before: String,
-}
-
-/// The machine file at `path` with what was found of each axis.
-///
-/// # Errors
-/// When the file is no sound machine, before or after, or is one of another machine than that of the logs.
-pub fn changed(
-    path: &Path,
-    logs: &Logs,
-    axes: &[(String, LoggedAxis)],
-    origin: &Origin,
-) -> Result<Change, WriteError> {
-    let mut file = MachineFile::open(path)?;
-    let before = file.text();
-    let machine = file.machine()?;
-    is_same(path, &machine, &logs.machine)?;
-    let mut count = 0;
-    for (index, (name, axis)) in axes.iter().enumerate() {
-        count += put(&mut file, name, &machine, AxisId::new(index), axis, origin)?;
-    }
-    if count == 0 {
-        return Err(WriteError::Nothing);
-    }
-    file.machine()?;
-    Ok(Change { file, before })
 }
 
 impl Change {
@@ -233,13 +244,13 @@ fn line(key: &str, value: f64, estimate: &Estimate) -> String {
     format!("{key} {value} ({low} to {high}) {}: {}", estimate.unit, estimate.source)
 }
 
-/// With two digits of its interval.
+/// With three digits of its interval: values that go together were found better than their torque constant is known.
 fn rounded(value: f64, estimate: &Estimate) -> f64 {
     let width = estimate.ci95[1] - estimate.ci95[0];
     if width <= 0.0 || !width.is_finite() {
         return value;
     }
-    let decimals = (1.0 - width.log10().floor()).clamp(0.0, 9.0) as usize;
+    let decimals = (2.0 - width.log10().floor()).clamp(0.0, 9.0) as usize;
     format!("{value:.decimals$}").parse().unwrap_or(value)
 }
 
@@ -288,9 +299,9 @@ mod tests {
     #[test]
     fn a_value_has_the_digits_that_its_interval_justifies() {
         let rounded_of = |value, half| rounded(value, &Estimate::within(value, half, "N", "test"));
-        assert_eq!(rounded_of(1128.62584, 10.4), 1129.0);
-        assert_eq!(rounded_of(0.48481, 0.05), 0.48);
-        assert_eq!(rounded_of(150.89912, 0.13), 150.9);
+        assert_eq!(rounded_of(1128.62584, 10.4), 1128.6);
+        assert_eq!(rounded_of(0.48481, 0.04), 0.4848);
+        assert_eq!(rounded_of(150.89912, 0.13), 150.899);
         assert_eq!(rounded_of(3.25, 0.0), 3.25);
     }
 }

@@ -1,0 +1,105 @@
+//! How often intervals contain the truth, over a hundred random machines; the table of `docs/identification.md`.
+
+use std::collections::BTreeMap;
+use std::fs;
+
+use crate::{identified, machines, runs, truths};
+
+const PAGE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/identification.md");
+const MARKS: [&str; 2] = ["<!-- coverage -->\n", "<!-- /coverage -->\n"];
+/// Logs; each has two axes, and every axis is a machine of its own.
+const LOGS: u64 = 50;
+/// Bounds of the share of intervals that contain the truth, %.
+const BOUNDS_PERCENT: [f64; 2] = [90.0, 100.0];
+
+/// One parameter with one encoder.
+#[derive(Default)]
+struct Row {
+    unknown: usize,
+    /// Error and half of the interval: as shares of the truth, but for what may be zero.
+    errors: Vec<f64>,
+    halves: Vec<f64>,
+    /// With the torque constant as it is, and as it is believed to be.
+    inside: [usize; 2],
+}
+
+#[test]
+#[ignore = "takes minutes: run it in release"]
+fn intervals_contain_the_truth_as_often_as_they_say() {
+    let mut rows: BTreeMap<(&str, &str), Row> = BTreeMap::new();
+    for seed in 0..LOGS {
+        let pair = machines::random(seed);
+        let encoder = if seed.is_multiple_of(2) { "0.1 um" } else { "1 um" };
+        let log = runs::log(&pair.truth, runs::ALL, seed);
+        for axis in pair.truth.axes.axes() {
+            let found = identified(&log, &pair.believed, axis, machines::TORQUE_CONSTANT_PERCENT).findings;
+            let [is, believed] = [&pair.truth, &pair.believed]
+                .map(|one| one.axes[axis].plant.actuator.torque_constant_nm_per_a);
+            for (name, truth) in truths(&pair.truth, axis) {
+                let row = rows.entry((name, encoder)).or_default();
+                let Some(estimate) = found[name].estimate() else {
+                    row.unknown += 1;
+                    continue;
+                };
+                let [low, high] = estimate.ci95;
+                row.inside[1] += usize::from((low..=high).contains(&truth));
+                let is_of_force = estimate.source.contains("torque constant");
+                let (value, low, high) = if is_of_force {
+                    let scale = 0.01 * machines::TORQUE_CONSTANT_PERCENT * estimate.value;
+                    let half = |end: f64| ((end - estimate.value).powi(2) - scale * scale).max(0.0).sqrt();
+                    let value = estimate.value * is / believed;
+                    (value, value - half(low), value + half(high))
+                } else {
+                    (estimate.value, low, high)
+                };
+                row.inside[0] += usize::from((low..=high).contains(&truth));
+                let unit = if truth == 0.0 { 1.0 } else { truth };
+                row.errors.push((value - truth) / unit);
+                row.halves.push(0.5 * (high - low) / unit);
+            }
+        }
+    }
+    let table = rows.iter().map(line).collect::<String>();
+    let page = fs::read_to_string(PAGE).expect("the page");
+    let (before, rest) = page.split_once(MARKS[0]).expect("the first mark");
+    let (written, after) = rest.split_once(MARKS[1]).expect("the second mark");
+    let head = "| parameter | encoder | unknown | error, rms | half interval, median | truth inside | with K_t off |\n\
+                |---|---|---|---|---|---|---|\n";
+    let table = format!("{head}{table}");
+    if std::env::var_os("QUADRANT_WRITE").is_some() {
+        fs::write(PAGE, format!("{before}{}{table}{}{after}", MARKS[0], MARKS[1])).expect("written");
+    } else {
+        assert_eq!(written, table, "docs/identification.md; QUADRANT_WRITE=1 writes it");
+    }
+    for ((name, encoder), row) in &rows {
+        let known = row.errors.len();
+        for (inside, how) in row.inside.iter().zip(["itself", "with its torque constant"]) {
+            let percent = 100.0 * *inside as f64 / known.max(1) as f64;
+            let is_within = (BOUNDS_PERCENT[0]..=BOUNDS_PERCENT[1]).contains(&percent);
+            assert!(known == 0 || is_within, "{name}, {encoder}, {how}: {percent} % of {known}");
+        }
+    }
+}
+
+fn line(((name, encoder), row): (&(&str, &str), &Row)) -> String {
+    let known = row.errors.len();
+    if known == 0 {
+        return format!("| {name} | {encoder} | {} | | | | |\n", row.unknown);
+    }
+    let rms = (row.errors.iter().map(|error| error * error).sum::<f64>() / known as f64).sqrt();
+    let mut halves = row.halves.clone();
+    halves.sort_by(f64::total_cmp);
+    let half = halves[known / 2];
+    let shown = |value: f64| match *name {
+        "offset_n" => format!("{value:.2} N"),
+        "dead_time_us" => format!("{value:.1} us"),
+        _ => format!("{:.2} %", 100.0 * value),
+    };
+    let [itself, off] = row.inside;
+    format!(
+        "| {name} | {encoder} | {} | {} | {} | {itself} of {known} | {off} of {known} |\n",
+        row.unknown,
+        shown(rms),
+        shown(half)
+    )
+}
