@@ -36,10 +36,10 @@ fn a_log_tells_what_is_in_it_and_a_machine_file_takes_it() {
     assert_eq!(code, 0, "{said}");
     let found = found.unwrap();
     for axis in ["x", "y"] {
-        let stiffness = &found[axis]["stiffness_n_per_um"];
+        let stiffness = &found[axis]["stiffness"];
         assert!(holds(stiffness, 151.0), "{axis}: {stiffness}");
         assert!(stiffness["source"].as_str().unwrap().contains("5 % of it by the torque constant"));
-        let damping = &found[axis]["damping_n_s_per_mm"];
+        let damping = &found[axis]["damping"];
         assert!(damping["value"].is_null(), "{damping}");
         assert!(damping["needs"].as_str().unwrap().contains("frequency response"), "{damping}");
         for file in ["friction", "reversal"] {
@@ -55,7 +55,7 @@ fn a_log_tells_what_is_in_it_and_a_machine_file_takes_it() {
     assert_eq!(code, 0, "{said}");
     // The torque constant is a term of its own: without it the interval is that of the scatter.
     let width = |found: &Value| {
-        let ci95 = &found["x"]["stiffness_n_per_um"]["ci95"];
+        let ci95 = &found["x"]["stiffness"]["ci95"];
         ci95[1].as_f64().unwrap() - ci95[0].as_f64().unwrap()
     };
     assert!(width(&exact.unwrap()) < 0.5 * width(&found), "5 % of 151 N/um are 15 N/um both ways");

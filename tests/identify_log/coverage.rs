@@ -91,8 +91,8 @@ fn line(((name, encoder), row): (&(&str, &str), &Row)) -> String {
     halves.sort_by(f64::total_cmp);
     let half = halves[known / 2];
     let shown = |value: f64| match *name {
-        "offset_n" => format!("{value:.2} N"),
-        "dead_time_us" => format!("{value:.1} us"),
+        "constant_force" => format!("{value:.2} N"),
+        "dead_time" => format!("{value:.1} us"),
         _ => format!("{:.2} %", 100.0 * value),
     };
     let [itself, off] = row.inside;

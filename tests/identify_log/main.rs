@@ -21,17 +21,17 @@ fn truths(machine: &Machine, axis: AxisId) -> Vec<(&'static str, f64)> {
     let plant = &machine.axes[axis].plant;
     let (mechanics, friction) = (&plant.mechanics, &plant.friction);
     vec![
-        ("moving_mass_kg", mechanics.motor_mass_kg() + mechanics.mass_kg),
-        ("total_inertia_kg_m2", mechanics.total_inertia_kg_m2()),
-        ("sliding_n", friction.sliding.as_n()),
-        ("viscous_n_s_per_mm", 1e-3 * friction.viscous_n_s_per_m),
-        ("offset_n", 0.0),
-        ("breakaway_n", friction.breakaway.as_n()),
-        ("fall_end_mm_per_s", friction.fall_end.as_mm_per_s()),
-        ("fall_start_mm_per_s", friction.fall_start.as_mm_per_s()),
-        ("stiffness_n_per_um", 1e-6 * mechanics.stiffness_n_per_m),
-        ("current_loop_hz", plant.actuator.current_loop_hz),
-        ("dead_time_us", 1e6 * plant.actuator.dead_time.as_s()),
+        ("moving_mass", mechanics.motor_mass_kg() + mechanics.mass_kg),
+        ("total_inertia", mechanics.total_inertia_kg_m2()),
+        ("sliding", friction.sliding.as_n()),
+        ("viscous", 1e-3 * friction.viscous_n_s_per_m),
+        ("constant_force", 0.0),
+        ("breakaway", friction.breakaway.as_n()),
+        ("fall_end", friction.fall_end.as_mm_per_s()),
+        ("fall_start", friction.fall_start.as_mm_per_s()),
+        ("stiffness", 1e-6 * mechanics.stiffness_n_per_m),
+        ("current_loop", plant.actuator.current_loop_hz),
+        ("dead_time", 1e6 * plant.actuator.dead_time.as_s()),
     ]
 }
 
@@ -48,17 +48,17 @@ fn the_reference_machine_is_found_in_its_log() {
     let found = identified(&log, &machine, X, 0.0);
     // Widest half interval: for forces and stiffness below what a study of noise found possible from such motions.
     let widest = [
-        ("moving_mass_kg", 0.015 * 2_609.0),
-        ("total_inertia_kg_m2", 0.015 * 0.00734),
-        ("sliding_n", 0.003 * 951.3),
-        ("viscous_n_s_per_mm", 0.05),
-        ("offset_n", 2.0),
-        ("breakaway_n", 0.008 * 1_127.8),
-        ("fall_end_mm_per_s", 0.25 * 0.5),
-        ("fall_start_mm_per_s", 0.6 * 0.1),
-        ("stiffness_n_per_um", 0.008 * 151.0),
-        ("current_loop_hz", 0.06 * 300.0),
-        ("dead_time_us", 30.0),
+        ("moving_mass", 0.015 * 2_609.0),
+        ("total_inertia", 0.015 * 0.00734),
+        ("sliding", 0.003 * 951.3),
+        ("viscous", 0.05),
+        ("constant_force", 2.0),
+        ("breakaway", 0.008 * 1_127.8),
+        ("fall_end", 0.25 * 0.5),
+        ("fall_start", 0.6 * 0.1),
+        ("stiffness", 0.008 * 151.0),
+        ("current_loop", 0.06 * 300.0),
+        ("dead_time", 30.0),
     ];
     for ((name, truth), (other, widest)) in truths(&machine, X).into_iter().zip(widest) {
         assert_eq!(name, other);
@@ -70,7 +70,7 @@ fn the_reference_machine_is_found_in_its_log() {
     }
     // Ten reversals may not be enough to name one; the wrong one they must not name.
     assert_ne!(found.variant, Some(Variant::Linear), "{}", found.summary);
-    for name in ["mass_kg", "motor_inertia_kg_m2", "damping_n_s_per_mm"] {
+    for name in ["mass", "motor_inertia", "damping"] {
         assert!(found.findings[name].estimate().is_none(), "{name} is not in this log");
     }
 }
@@ -80,12 +80,12 @@ fn what_is_not_excited_is_said_to_be_unknown() {
     let machine = common::machine("reference");
     let ramps = Motions { ramps: 4, steady: false, revolutions: 0 };
     let found = identified(&runs::log(&machine, ramps, 5), &machine, X, 0.0).findings;
-    for name in ["sliding_n", "viscous_n_s_per_mm", "fall_end_mm_per_s", "fall_start_mm_per_s"] {
+    for name in ["sliding", "viscous", "fall_end", "fall_start"] {
         assert!(found[name].estimate().is_none(), "{name}: {:?}", found[name]);
     }
     let json = serde_json::to_value(&found).expect("JSON");
-    assert!(json["fall_end_mm_per_s"]["value"].is_null());
-    let needs = json["sliding_n"]["needs"].as_str().expect("what it needs");
+    assert!(json["fall_end"]["value"].is_null());
+    let needs = json["sliding"]["needs"].as_str().expect("what it needs");
     assert!(needs.contains("runs at constant speeds"), "{needs}");
 }
 
@@ -94,8 +94,8 @@ fn a_coarse_encoder_does_not_tell_the_fall() {
     let pair = machines::random(1);
     let log = runs::log(&pair.truth, runs::ALL, 1);
     let found = identified(&log, &pair.believed, X, machines::TORQUE_CONSTANT_PERCENT).findings;
-    assert!(found["fall_end_mm_per_s"].estimate().is_none(), "{:?}", found["fall_end_mm_per_s"]);
-    for name in ["sliding_n", "breakaway_n", "stiffness_n_per_um", "moving_mass_kg"] {
+    assert!(found["fall_end"].estimate().is_none(), "{:?}", found["fall_end"]);
+    for name in ["sliding", "breakaway", "stiffness", "moving_mass"] {
         assert!(found[name].estimate().is_some(), "{name}: {:?}", found[name]);
     }
 }

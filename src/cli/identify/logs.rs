@@ -24,8 +24,9 @@ pub(super) fn run(arguments: &Arguments, paths: &[PathBuf]) -> anyhow::Result<Ou
     let axes = logs.identify(settings)?;
     let responses = frequency::of_logs(paths)?;
     let all_of = |(name, axis): &(String, LoggedAxis)| {
-        let response = responses.get(name).map(|response| &response.findings);
-        (name.clone(), joined(&axis.findings, response))
+        let tolerance = settings.torque_constant_tolerance_percent;
+        let response = responses.get(name).map(|response| response.findings_within(tolerance));
+        (name.clone(), joined(&axis.findings, response.as_ref()))
     };
     let found: Findings = axes.iter().map(all_of).collect();
     if arguments.json {

@@ -70,13 +70,14 @@ impl Chart {
         size: [f64; 2],
         points: &[[f64; 2]],
         colour: &'static str,
+        radius: f64,
     ) {
         let x = Scale::new(self.range_x, [corner[0], corner[0] + size[0]]);
         let y = Scale::new(self.range_y, [corner[1] + size[1], corner[1]]);
         let is_in = |value: f64, [low, high]: [f64; 2]| (low..=high).contains(&value);
         for [across, up] in points {
             if is_in(*across, self.range_x) && is_in(*up, self.range_y) {
-                svg.circle([x.place(*across), y.place(*up)], 1.4, colour, Stroke::solid(colour, 0.0));
+                svg.circle([x.place(*across), y.place(*up)], radius, colour, Stroke::solid(colour, 0.0));
             }
         }
     }

@@ -64,7 +64,7 @@ fn sheet(
     let size = [SIZE[0] - corner[0] - 24.0, SIZE[1] - corner[1] - BELOW - 6.0];
     chart.draw(&mut svg, corner, size);
     for (points, colour) in marks {
-        chart.dots(&mut svg, corner, size, points, colour);
+        chart.dots(&mut svg, corner, size, points, colour, 1.4);
     }
     let heading = TextStyle { is_bold: true, ..text(15.0, Anchor::Middle) };
     svg.text([SIZE[0] / 2.0, 26.0], heading, title);

@@ -153,13 +153,13 @@ impl<'a> Work<'a> {
         };
         self.ripple = Ripple::of(&self.measured, &self.stretches.steady, self.model.mechanics.lead_m);
         let (moving, inertia) = self.inertia();
-        put("moving_mass_kg", moving);
-        put("total_inertia_kg_m2", inertia);
+        put("moving_mass", moving);
+        put("total_inertia", inertia);
         let mass_kg = self.model.motor_kg + self.model.mechanics.mass_kg;
         let points = steady::points(&self.measured, &self.stretches.steady, mass_kg, &self.ripple);
         let mut sliding = steady::fit(&points, SLIDES_MM_PER_S * 1e-3).ok();
         self.take(sliding.as_ref());
-        put("stiffness_n_per_um", self.stiffness());
+        put("stiffness", self.stiffness());
         let reversals = self.reversals();
         let mut breakaway = Vec::new();
         let mut fall = None;
@@ -188,7 +188,7 @@ impl<'a> Work<'a> {
             self.take(sliding.as_ref());
         }
         self.sliding_findings(sliding.as_ref(), fall.as_ref(), &mut put);
-        put("breakaway_n", self.breakaway_finding(&breakaway, reversals.len()));
+        put("breakaway", self.breakaway_finding(&breakaway, reversals.len()));
         fall_findings(fall.as_ref(), reversals.len(), &mut put);
         self.rest_findings(&mut put);
         let variant = held_out.and_then(|[linear, nonlinear]| {
@@ -283,7 +283,7 @@ impl<'a> Work<'a> {
     ) {
         let Some(Sliding { at_rest_n, viscous_n_s_per_m, offset_n, count }) = sliding else {
             let needs = "runs at constant speeds of 1 mm/s and more, both ways, at least 4";
-            for name in ["sliding_n", "viscous_n_s_per_mm", "offset_n"] {
+            for name in ["sliding", "viscous", "constant_force"] {
                 put(name, Finding::unknown(needs));
             }
             return;
@@ -296,22 +296,22 @@ impl<'a> Work<'a> {
             None => self.model.friction.fall_end.as_m_per_s(),
         };
         let half_n = at_rest_n[1].hypot(viscous_n_s_per_m[0] * end_m_per_s);
-        put("sliding_n", self.of_force(Estimate::within(sliding_n, half_n, "N", source())).into());
+        put("sliding", self.of_force(Estimate::within(sliding_n, half_n, "N", source())).into());
         let [m, half] = viscous_n_s_per_m.map(|value| 1e-3 * value);
-        put("viscous_n_s_per_mm", self.of_force(Estimate::within(m, half, "N s/mm", source())).into());
+        put("viscous", self.of_force(Estimate::within(m, half, "N s/mm", source())).into());
         let offset = format!("{}; a constant force, or friction that differs by direction", source());
-        put("offset_n", self.of_force(Estimate::within(offset_n[0], offset_n[1], "N", offset)).into());
+        put("constant_force", self.of_force(Estimate::within(offset_n[0], offset_n[1], "N", offset)).into());
     }
 
     /// What these methods do not tell, and the current loop.
     fn rest_findings(&self, put: &mut impl FnMut(&str, Finding)) {
         let apart = "the same log with a second load of known mass: only their sum moves";
-        put("mass_kg", Finding::unknown(apart));
-        put("motor_inertia_kg_m2", Finding::unknown(apart));
-        put("damping_n_s_per_mm", Finding::unknown("a frequency response around the resonance"));
+        put("mass", Finding::unknown(apart));
+        put("motor_inertia", Finding::unknown(apart));
+        put("damping", Finding::unknown("a frequency response around the resonance"));
         let [lag, dead] = current_loop::findings(&self.measured, &self.stretches, self.axis);
-        put("current_loop_hz", lag);
-        put("dead_time_us", dead);
+        put("current_loop", lag);
+        put("dead_time", dead);
     }
 
     /// The interval of a force is that of its scatter and of the torque constant.
@@ -344,7 +344,7 @@ impl<'a> Work<'a> {
 }
 
 fn fall_findings(fall: Option<&Fall>, reversals: usize, put: &mut impl FnMut(&str, Finding)) {
-    let names = ["fall_end_mm_per_s", "fall_start_mm_per_s"];
+    let names = ["fall_end", "fall_start"];
     let Some(Fall { end_mm_per_s, start_mm_per_s, .. }) = fall else {
         let needs = "at least 3 reversals in motion (500 mm/min), runs and ramps that tell sliding and break-away \
                      force, and an encoder of 0.1 um or finer";

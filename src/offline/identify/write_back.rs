@@ -22,18 +22,18 @@ const MARK: &str = "identified";
 
 /// Findings and the keys that take them, by section.
 const KEYS: [(&str, &[(&str, &str)]); 3] = [
-    ("mechanics", &[("stiffness_n_per_um", "stiffness-n-per-um")]),
+    ("mechanics", &[("stiffness", "stiffness-n-per-um")]),
     (
         "friction",
         &[
-            ("breakaway_n", "breakaway-n"),
-            ("sliding_n", "sliding-n"),
-            ("fall_end_mm_per_s", "fall-end-mm-per-s"),
-            ("fall_start_mm_per_s", "fall-start-mm-per-s"),
-            ("viscous_n_s_per_mm", "viscous-n-s-per-mm"),
+            ("breakaway", "breakaway-n"),
+            ("sliding", "sliding-n"),
+            ("fall_end", "fall-end-mm-per-s"),
+            ("fall_start", "fall-start-mm-per-s"),
+            ("viscous", "viscous-n-s-per-mm"),
         ],
     ),
-    ("drive", &[("current_loop_hz", "current-loop-hz")]),
+    ("drive", &[("current_loop", "current-loop-hz")]),
 ];
 
 /// Why nothing is written.
@@ -230,7 +230,7 @@ fn put(
 
 /// What the mass in the file leaves of all that turns.
 fn motor_inertia(machine: &Machine, id: AxisId, findings: &AxisFindings) -> Option<(f64, Estimate)> {
-    let total = findings.get("total_inertia_kg_m2")?.estimate()?;
+    let total = findings.get("total_inertia")?.estimate()?;
     let mechanics = &machine.axes[id].plant.mechanics;
     let table = mechanics.total_inertia_kg_m2() - mechanics.inertia_kg_m2;
     let less = |value: f64| value - table;

@@ -43,7 +43,7 @@ const FRONT: usize = 40;
 const SETTLED: f64 = 5e-4;
 /// Or once so many generations made the best less by no more than this share: below it are the steps that come and
 /// go with the last digit of a gain.
-const PATIENCE: usize = 15;
+const PATIENCE: usize = 25;
 const WORTH_MORE: f64 = 1e-3;
 
 /// A figure to be made small.

@@ -25,7 +25,7 @@ use nalgebra::Complex;
 use serde::Serialize;
 use thiserror::Error;
 
-use super::AxisFindings;
+use super::{AxisFindings, Finding};
 use crate::config::machine::AXIS_NAMES;
 use crate::config::{self, Machine};
 use crate::log::{LogError, Reader};
@@ -92,6 +92,23 @@ pub struct AxisResponse {
     pub computed: Margins,
     /// What the response tells of the axis.
     pub findings: AxisFindings,
+}
+
+/// What the torque constant scales.
+const BY_TORQUE: [&str; 5] = ["total_inertia", "motor_inertia", "mass", "stiffness", "damping"];
+
+impl AxisResponse {
+    /// What the response tells, with the uncertainty of the torque constant (half its 95 % interval, %) in all
+    /// that it scales.
+    pub fn findings_within(&self, torque_constant_tolerance_percent: f64) -> AxisFindings {
+        let mut findings = self.findings.clone();
+        for name in BY_TORQUE {
+            if let Some(Finding::Found(estimate)) = findings.get_mut(name) {
+                *estimate = estimate.clone().with_scale(torque_constant_tolerance_percent, "torque constant");
+            }
+        }
+        findings
+    }
 }
 
 /// The axes of logs that were excited, by name; of one that several excited, the last.
