@@ -55,11 +55,15 @@ fn experiments_find_the_plant_that_the_machine_file_does_not_know() {
     assert_eq!(code, 0, "{said}");
     assert!(said.contains("axis x stays where it stands") && said.contains("axis y moves between"), "{said}");
     let told = told.unwrap();
-    let mass = &told["frequency_response"]["y"]["findings"]["mass"];
+    let mass = &told["y"]["mass"];
     let kg = mass["value"].as_f64().unwrap();
     assert!((kg - 400.0).abs() < 20.0, "{mass}");
-    assert!(told["frequency_response"]["x"].is_null(), "x was not excited");
-    for file in ["frequency-y.svg", "frequency-y.png", "frequency-y.json"] {
+    let sliding = told["y"]["sliding"]["value"].as_f64().unwrap();
+    assert!((sliding - 951.3).abs() < 5.0, "{sliding}");
+    assert!(told["x"]["mass"]["value"].is_null(), "x was not excited");
+    for file in
+        ["frequency-y.svg", "frequency-y.png", "frequency-y.json", "friction-y.png", "identification.html"]
+    {
         assert!(fs::metadata(Path::new(&report).join(file)).unwrap().len() > 1_000, "{file}");
     }
 
