@@ -181,19 +181,31 @@ pub(crate) fn write_in_chunks(path: &Path, chunks: u64) {
     let (mut ring, consumer) = rtrb::RingBuffer::new(64);
     let writer =
         Writer::start(path, header(2), consumer, rtrb::RingBuffer::new(1).1, Arc::default()).unwrap();
-    let length = || std::fs::metadata(path).unwrap().len();
     for chunk in 0..chunks {
-        let before = length();
         let cycles = chunk * CHUNK_RECORDS..(chunk + 1) * CHUNK_RECORDS;
         ring.write_chunk_uninit(CHUNK_RECORDS as usize)
             .unwrap()
             .fill_from_iter(cycles.map(|cycle| record(2, cycle)));
-        while length() == before {
+        while whole_chunks(&std::fs::read(path).unwrap()) <= chunk {
             std::thread::sleep(Duration::from_millis(5));
         }
     }
     drop(ring);
     assert!(writer.join().is_complete);
+}
+
+/// Chunks that a log under way has whole: each record is its kind, its length in eight bytes, its content.
+fn whole_chunks(bytes: &[u8]) -> u64 {
+    const CHUNK: u8 = 6;
+    let mut rest = bytes.get(mcap::MAGIC.len()..).unwrap_or_default();
+    let mut chunks = 0;
+    while let Some((head, behind)) = rest.split_first_chunk::<9>() {
+        let length = u64::from_le_bytes(head[1..].try_into().unwrap());
+        let Some(next) = behind.get(length as usize..) else { break };
+        chunks += u64::from(head[0] == CHUNK);
+        rest = next;
+    }
+    chunks
 }
 
 /// Records in a chunk of [`write_in_chunks`].
