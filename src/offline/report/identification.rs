@@ -7,10 +7,10 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use maud::{DOCTYPE, Markup, PreEscaped, html};
+use maud::{Markup, PreEscaped, html};
 
 use super::frequency::bode;
-use super::page::STYLE;
+use super::page::whole;
 use super::{PNG_SCALE, ReportError, put};
 use crate::base::units::Velocity;
 use crate::offline::draw::friction::{self, Fitted};
@@ -108,7 +108,7 @@ pub fn write(
             curves.push([put(folder, &name("svg"), svg.as_bytes())?, put(folder, &name("png"), &picture)?]);
         }
     }
-    let page = page(data, found, axes).into_string();
+    let page = page(data, found, axes);
     Ok(IdentificationFiles { html: put(folder, "identification.html", page.as_bytes())?, curves })
 }
 
@@ -127,30 +127,20 @@ fn fitted(fit: &RigidFit) -> Fitted {
     }
 }
 
-fn page(data: &str, found: &Findings, axes: &BTreeMap<String, AxisPage>) -> Markup {
-    html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta name="viewport" content="width=device-width, initial-scale=1";
-                title { "Identification · " (data) }
-                style { (PreEscaped(STYLE)) }
-            }
-            body {
-                h1 { "Identification" }
-                p.sub { "from " (data) }
-                @for (name, findings) in found {
-                    h2 { "Axis " (name) }
-                    (table(findings))
-                    @if let Some(axis) = axes.get(name) {
-                        p { (axis.summary) }
-                        @for (_, svg) in &axis.drawings { figure { (PreEscaped(svg)) } }
-                    }
-                }
+fn page(data: &str, found: &Findings, axes: &BTreeMap<String, AxisPage>) -> String {
+    let body = html! {
+        h1 { "Identification" }
+        p.sub { "from " (data) }
+        @for (name, findings) in found {
+            h2 { "Axis " (name) }
+            (table(findings))
+            @if let Some(axis) = axes.get(name) {
+                p { (axis.summary) }
+                @for (_, svg) in &axis.drawings { figure { (PreEscaped(svg)) } }
             }
         }
-    }
+    };
+    whole(&format!("Identification · {data}"), &body)
 }
 
 fn table(findings: &AxisFindings) -> Markup {

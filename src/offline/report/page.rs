@@ -10,7 +10,7 @@ use crate::offline::circle::{CircularTest, PathAnalysis, PointAnalysis, Quadrant
 use crate::offline::draw::scale::signed;
 use crate::offline::draw::{overview, polar, reversals};
 
-pub(super) const STYLE: &str = "
+const STYLE: &str = "
 :root{color-scheme:light}
 body{font:15px/1.45 'DejaVu Sans',Verdana,sans-serif;color:#1a1a1a;background:#fff;margin:1.5rem auto;max-width:1100px;padding:0 1rem}
 h1{font-size:1.5rem;margin:0 0 .2rem}h2{font-size:1.1rem;margin:1.8rem 0 .5rem;border-bottom:1px solid #ccc}
@@ -37,6 +37,30 @@ pub(super) fn title(sheet: &TestSheet, test: &CircularTest) -> String {
 /// The whole page.
 pub(super) fn render(sheet: &TestSheet, test: &CircularTest, runs: &[Run<'_>]) -> String {
     let title = title(sheet, test);
+    let body = html! {
+        h1 { "Circular test: " (sheet.machine) ", " (sheet.gains) " gains" }
+        p.sub { "ISO 230-4 · radius " (test.radius_mm) " mm · feed " (format!("{:.0}", test.feed_mm_per_min)) " mm/min · " (sheet.date) }
+        (facts(sheet, test))
+        h2 { "Result" }
+        (result(test))
+        @if !sheet.expectations.is_empty() { (expectations(sheet)) }
+        h2 { "Path, deviation magnified" }
+        figure { (PreEscaped(polar::draw(test, &title))) }
+        h2 { "The four reversals" }
+        figure { (PreEscaped(reversals::draw(test, runs))) }
+        (protrusions(test))
+        h2 { "Velocity and current" }
+        figure { (PreEscaped(overview::draw(runs))) }
+        h2 { "Quantities of ISO 230-4 and of each axis" }
+        @for point in test.points() { (quantities(point)) }
+        h2 { "Notes" }
+        (notes(sheet, test))
+    };
+    whole(&title, &body)
+}
+
+/// A page with this body: the head and the look that all reports share.
+pub(super) fn whole(title: &str, body: &Markup) -> String {
     let page = html! {
         (DOCTYPE)
         html lang="en" {
@@ -46,25 +70,7 @@ pub(super) fn render(sheet: &TestSheet, test: &CircularTest, runs: &[Run<'_>]) -
                 title { (title) }
                 style { (PreEscaped(STYLE)) }
             }
-            body {
-                h1 { "Circular test: " (sheet.machine) ", " (sheet.gains) " gains" }
-                p.sub { "ISO 230-4 · radius " (test.radius_mm) " mm · feed " (format!("{:.0}", test.feed_mm_per_min)) " mm/min · " (sheet.date) }
-                (facts(sheet, test))
-                h2 { "Result" }
-                (result(test))
-                @if !sheet.expectations.is_empty() { (expectations(sheet)) }
-                h2 { "Path, deviation magnified" }
-                figure { (PreEscaped(polar::draw(test, &title))) }
-                h2 { "The four reversals" }
-                figure { (PreEscaped(reversals::draw(test, runs))) }
-                (protrusions(test))
-                h2 { "Velocity and current" }
-                figure { (PreEscaped(overview::draw(runs))) }
-                h2 { "Quantities of ISO 230-4 and of each axis" }
-                @for point in test.points() { (quantities(point)) }
-                h2 { "Notes" }
-                (notes(sheet, test))
-            }
+            body { (body) }
         }
     };
     page.into_string()

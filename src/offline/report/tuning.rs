@@ -5,9 +5,9 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use maud::{DOCTYPE, Markup, PreEscaped, html};
+use maud::{PreEscaped, html};
 
-use super::page::STYLE;
+use super::page::whole;
 use super::{PNG_SCALE, ReportError, put};
 use crate::config::Machine;
 use crate::offline::circle::CircularTest;
@@ -66,7 +66,7 @@ pub fn write(
         let svg = put(folder, &format!("{name}.svg"), svg.as_bytes())?;
         drawings.push([svg, put(folder, &format!("{name}.png"), &picture)?]);
     }
-    let page = page(shown, &drawn, rows, sentences).into_string();
+    let page = page(shown, &drawn, rows, sentences);
     Ok(TuningFiles { html: put(folder, "tuning.html", page.as_bytes())?, drawings })
 }
 
@@ -125,38 +125,28 @@ fn page(
     drawn: &[(&'static str, String)],
     rows: &[[String; 3]],
     sentences: &[String],
-) -> Markup {
+) -> String {
     let Shown { machine, request, tuned, .. } = shown;
-    html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta name="viewport" content="width=device-width, initial-scale=1";
-                title { "Tuning · " (machine.name) }
-                style { (PreEscaped(STYLE)) }
-            }
-            body {
-                h1 { "Tuning · " (machine.name) }
-                p.sub {
-                    "least " (labels(request).join("; ")) ", " (tuned.evaluations) " evaluations on " (tuned.cases)
-                    " plants, seed " (request.seed)
-                    @if !tuned.is_complete { ", interrupted" }
-                }
-                @if !tuned.broken.is_empty() { p.no { "No gains within the bounds keep all constraints." } }
-                table {
-                    thead { tr { th { "" } th { "before" } th { "after" } } }
-                    @for [name, before, after] in rows { tr { td { (name) } td { (before) } td { (after) } } }
-                }
-                h2 { "What holds them" }
-                ul { @for sentence in sentences { li { (sentence) } } }
-                @for (name, svg) in drawn {
-                    h2 { (heading(name)) }
-                    figure { (PreEscaped(svg)) }
-                }
-            }
+    let body = html! {
+        h1 { "Tuning · " (machine.name) }
+        p.sub {
+            "least " (labels(request).join("; ")) ", " (tuned.evaluations) " evaluations on " (tuned.cases)
+            " plants, seed " (request.seed)
+            @if !tuned.is_complete { ", interrupted" }
         }
-    }
+        @if !tuned.broken.is_empty() { p.no { "No gains within the bounds keep all constraints." } }
+        table {
+            thead { tr { th { "" } th { "before" } th { "after" } } }
+            @for [name, before, after] in rows { tr { td { (name) } td { (before) } td { (after) } } }
+        }
+        h2 { "What holds them" }
+        ul { @for sentence in sentences { li { (sentence) } } }
+        @for (name, svg) in drawn {
+            h2 { (heading(name)) }
+            figure { (PreEscaped(svg)) }
+        }
+    };
+    whole(&format!("Tuning · {}", machine.name), &body)
 }
 
 fn heading(name: &str) -> &'static str {
