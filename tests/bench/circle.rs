@@ -3,13 +3,15 @@
 //!
 //! The test is the default one: both directions, one turn each of 150 mm at 2000 mm/min.
 
+mod fastest;
+
 use std::collections::BTreeMap;
 use std::hint::black_box;
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::sync::Arc;
-use std::time::Instant;
 
+use fastest::fastest_s;
 use quadrant::base::input::Inputs;
 use quadrant::base::motion::{Circle, Direction};
 use quadrant::base::record::CycleRecord;
@@ -28,8 +30,6 @@ use quadrant::sim::closed_loop::{Patient, Wired};
 
 const SEED: u64 = 7;
 const RING_RECORDS: usize = 8_192;
-/// The fastest of so many counts; the others met somebody else on the core.
-const RUNS: usize = 5;
 /// Number of each circle among the motions: a straight move leads to it.
 const MOTIONS: [u32; 2] = [2, 4];
 
@@ -57,15 +57,6 @@ fn main() {
 
 fn say(what: &str, span_s: f64, took_s: f64) {
     println!("{what:<42} {:>7.0} ms  {:>6.0} times real time", took_s * 1e3, span_s / took_s);
-}
-
-fn fastest_s(mut work: impl FnMut()) -> f64 {
-    let seconds = (0..RUNS).map(|_| {
-        let start = Instant::now();
-        work();
-        start.elapsed().as_secs_f64()
-    });
-    seconds.fold(f64::INFINITY, f64::min)
 }
 
 fn request() -> CircleRequest {

@@ -2,10 +2,12 @@
 //!
 //! The machine is the reference machine, the circle 150 mm at 2000 mm/min.
 
+mod fastest;
+
 use std::hint::black_box;
 use std::ops::ControlFlow;
-use std::time::Instant;
 
+use fastest::fastest_s;
 use quadrant::base::axis::AxisId;
 use quadrant::base::units::{Position, Velocity};
 use quadrant::config::{self, Machine};
@@ -17,8 +19,6 @@ use quadrant::offline::tune::window::{Path, Window};
 use quadrant::offline::tune::{Counts, Goal, Objective, Request, Valuer, tune};
 use rayon::prelude::*;
 
-/// The fastest of so many counts; the others met somebody else on the core.
-const RUNS: usize = 5;
 const JUDGEMENTS: usize = 400;
 
 fn main() {
@@ -61,15 +61,6 @@ fn main() {
 
 fn say(what: &str, count: f64, took_s: f64) {
     println!("{what:<34} {count:>6.0} in {:>9.2} ms  {:>8.0} per second", took_s * 1e3, count / took_s);
-}
-
-fn fastest_s(mut work: impl FnMut()) -> f64 {
-    let seconds = (0..RUNS).map(|_| {
-        let start = Instant::now();
-        work();
-        start.elapsed().as_secs_f64()
-    });
-    seconds.fold(f64::INFINITY, f64::min)
 }
 
 fn request(machine: &Machine, spread: Spread) -> Request {
