@@ -39,7 +39,7 @@ impl fmt::Display for AxisId {
 }
 
 /// One `T` for each axis of the machine.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy)]
 pub struct PerAxis<T> {
     items: [T; AXES_MAX],
     count: u8,
@@ -97,6 +97,16 @@ impl<T> PerAxis<T> {
     }
 }
 
+impl<T: PartialEq> PartialEq for PerAxis<T> {
+    fn eq(&self, other: &Self) -> bool {
+        self.as_slice() == other.as_slice()
+    }
+}
+impl<T: fmt::Debug> fmt::Debug for PerAxis<T> {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        out.debug_list().entries(self.as_slice()).finish()
+    }
+}
 impl<T> Index<AxisId> for PerAxis<T> {
     type Output = T;
     fn index(&self, axis: AxisId) -> &T {
@@ -119,5 +129,9 @@ mod tests {
         places[AxisId::Y] = 7;
         assert_eq!(places.as_slice(), [0, 7]);
         assert_eq!(places.map(|axis, value| axis.index() + value).as_slice(), [0, 8]);
+        // What is left in the slots of no axis depends on how the value was made.
+        assert_eq!(places, PerAxis::from_fn(2, |axis| [0, 7][axis.index()]));
+        assert_ne!(places, PerAxis::filled(2, 0));
+        assert_eq!(format!("{places:?}"), "[0, 7]");
     }
 }
