@@ -179,3 +179,45 @@ fn on_a_circle_effects_look_as_their_closed_forms_say() {
         assert!(name == "thermal-growth" || all_um > 0.9, "{name}: {all_um} um in all");
     }
 }
+
+/// The catalogue as `docs/effects.md` has it.
+fn table() -> String {
+    let mut text = String::from(
+        "| effect | what it is | equation | keys, bounds, usual value | a shape over | shown by |\n|---|---|---|---|---|---|\n",
+    );
+    for entry in CATALOGUE {
+        let keys: Vec<String> = entry
+            .parameters
+            .iter()
+            .map(|parameter| {
+                let [least, most] = parameter.bounds;
+                format!("`{}` {least} to {most}: {}", parameter.key, parameter.nominal)
+            })
+            .collect();
+        let alias = match entry.aliases {
+            [] => String::new(),
+            aliases => format!("; not told from {}", aliases.join(", ")),
+        };
+        writeln!(
+            text,
+            "| `{}` | {}{} | `{}` | {} | {} | {} |",
+            entry.name,
+            entry.summary,
+            alias,
+            entry.equation.replace('|', "\\|"),
+            keys.join("<br>"),
+            entry.coordinate,
+            entry.experiment
+        )
+        .expect("a string takes all");
+    }
+    text
+}
+
+#[test]
+fn the_page_of_effects_is_the_catalogue() {
+    let page = include_str!("../docs/effects.md");
+    let (_, rest) = page.split_once("<!-- catalogue -->\n").expect("the mark before the table");
+    let (written, _) = rest.split_once("<!-- /catalogue -->").expect("the mark behind the table");
+    assert!(written == table(), "docs/effects.md has another table than the catalogue:\n{}", table());
+}
