@@ -117,7 +117,7 @@ fn circle(direction: Direction, feed_mm_per_min: f64) -> CircleMotion {
             start_angle_rad: FRAC_PI_4,
             revolutions: 1,
         },
-        run_in_s: 0.5,
+        run_in_s: 1.0,
         run_out_s: 0.1,
         acceleration: Acceleration::m_per_s2(0.5),
     }
@@ -157,11 +157,15 @@ fn beyond(name: &str, values: Values, expected_um: impl Fn(f64, f64) -> f64) -> 
 #[test]
 fn on_a_circle_effects_look_as_their_closed_forms_say() {
     type Form = fn(f64, f64) -> f64;
-    let forms: [(&str, Values, Form); 5] = [
+    let forms: [(&str, Values, Form); 6] = [
         // (b R / 2) sin 2θ, the same both ways.
         ("squareness", [100.0, 0.0, 0.0], |angle, radius_mm| 0.1 * radius_mm / 2.0 * (2.0 * angle).sin()),
         // R e cos² θ.
         ("scale-error", [100.0, 0.0, 0.0], |angle, radius_mm| 0.1 * radius_mm * angle.cos().powi(2)),
+        // The screw of the other axis accelerates its table: -M ω² R sin θ at 2.5 rad/s.
+        ("cross-coupling", [100.0, 0.0, 0.0], |angle, radius_mm| {
+            -100.0 * 1e-6 * 335.0 * 2.5_f64.powi(2) * radius_mm * angle.sin() * angle.cos()
+        }),
         // A cos θ sin(2π R cos θ / p + φ); the axis calls zero what the scale shows at the start.
         ("pitch-error", [3.0, 8.0, 30.0], |angle, radius_mm| {
             let (turn, start) = (TAU * radius_mm * angle.cos() / 8.0, 30_f64.to_radians());

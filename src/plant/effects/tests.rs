@@ -160,6 +160,128 @@ fn half_the_step_changes_less_than_can_be_seen() {
     }
 }
 
+/// Current, A, wind-up, um, and place of the table, m, of an axis that has moved steadily for 0.4 s, from a place on.
+fn steady(axis: &Parameters, mm_per_s: f64, from_mm: f64) -> [f64; 3] {
+    let velocity = Velocity::mm_per_s(mm_per_s);
+    let mut plant = Plant::sliding(axis, TICK, velocity, Position::mm(from_mm));
+    let mut integral_a = plant.state().current.as_a();
+    for _ in 0..800 {
+        let error = mm_per_s - plant.state().motor_velocity.as_mm_per_s();
+        integral_a += 0.1 * error;
+        plant.step(Current::a(2.0 * error + integral_a));
+    }
+    let state = plant.state();
+    let table_m = 1e-3 * from_mm + state.table_position.as_m();
+    [state.current.as_a(), (state.motor_position - state.table_position).as_um(), table_m]
+}
+
+#[test]
+fn a_steady_motion_takes_the_current_that_the_equation_says() {
+    // Of the paper's axis: 951.3 N of friction, 1 N m/A.
+    const SLIDING_N: f64 = 951.3;
+    let per_newton_a = 1.0 / paper_axis().mechanics.force_per_torque();
+    type Force = fn(v: f64, x: f64) -> f64;
+    let cases: [(&str, Values, Force); 9] = [
+        ("viscous-friction", [2.0, 0.0, 0.0], |v, _| {
+            SLIDING_N.copysign(v) + 2e3 * (v.abs() - 5e-4).copysign(v)
+        }),
+        ("quadratic-drag", [80_000.0, 0.0, 0.0], |v, _| (SLIDING_N + 8e4 * v * v).copysign(v)),
+        ("stribeck", [300.0, 20.0, 0.0], |v, _| {
+            (SLIDING_N + 300.0 * (-(v / 0.02).powi(2)).exp()).copysign(v)
+        }),
+        ("direction-asymmetry", [10.0, 0.0, 0.0], |v, _| SLIDING_N.copysign(v) + 0.1 * SLIDING_N),
+        ("constant-force", [-70.0, 0.0, 0.0], |v, _| SLIDING_N.copysign(v) + 70.0),
+        ("spring-load", [2.0, 100.0, 0.0], |v, x| SLIDING_N.copysign(v) + 2e3 * (x - 0.1)),
+        ("position-dependent-friction", [80.0, 0.0, 0.0], |v, x| (SLIDING_N * (1.0 + 0.8 * x)).copysign(v)),
+        // The screw pushes with what it has to push against.
+        ("load-dependent-friction", [5.0, 0.0, 0.0], |v, _| (SLIDING_N / 0.95).copysign(v)),
+        // A time constant is over when 0.4 s are.
+        ("friction-warm-up", [20.0, 1.0, 0.0], |v, _| {
+            (SLIDING_N * (1.0 - 0.2 * (1.0 - (-0.4_f64).exp()))).copysign(v)
+        }),
+    ];
+    for (name, values, force) in cases {
+        let axis = paper_axis().with_effect(entry(name).unwrap(), values);
+        for (mm_per_s, from_mm) in [(20.0, 40.0), (-30.0, 150.0)] {
+            let [current_a, _, table_m] = steady(&axis, mm_per_s, from_mm);
+            let expected_a = force(1e-3 * mm_per_s, table_m) * per_newton_a;
+            assert!(
+                (current_a - expected_a).abs() < 5e-4 * expected_a.abs(),
+                "{name} at {mm_per_s} mm/s: {current_a} A, expected {expected_a} A"
+            );
+        }
+    }
+    // i (1 - k i) makes the torque.
+    let axis = paper_axis().with_effect(entry("torque-saturation").unwrap(), [4.0, 0.0, 0.0]);
+    let [current_a, ..] = steady(&axis, 20.0, 0.0);
+    let made_a = current_a * (1.0 - 0.04 * current_a);
+    assert!((made_a / (SLIDING_N * per_newton_a) - 1.0).abs() < 1e-4, "{current_a} A make {made_a} N m");
+}
+
+#[test]
+fn a_screw_winds_up_as_its_stiffness_says() {
+    let stiff_um = 951.3 / 151.0;
+    for (name, values, mm_per_s, expected_um) in [
+        ("soft-zone", [60.0, 2.0, 0.0], 20.0, stiff_um + 0.6 * 2.0),
+        ("soft-zone", [60.0, 50.0, 0.0], -20.0, -stiff_um / 0.4),
+        ("position-dependent-stiffness", [200.0, 0.0, 0.0], 20.0, stiff_um * (1.0 + 2.0 * 0.108)),
+        ("backlash", [4.0, 0.0, 0.0], -20.0, -stiff_um - 2.0),
+    ] {
+        let axis = paper_axis().with_effect(entry(name).unwrap(), values);
+        let [_, wound_um, _] = steady(&axis, mm_per_s, 100.0);
+        assert!((wound_um - expected_um).abs() < 5e-3, "{name}: {wound_um} um, expected {expected_um} um");
+    }
+}
+
+#[test]
+fn torques_swing_as_often_and_as_far_as_they_say() {
+    // Two turns at 2 turns a second: slow enough for a stiff loop to answer in full.
+    for (name, values, amplitude_a, periods) in [
+        ("motor-cogging", [0.2, 3.0, 0.0], 0.2, 6.0),
+        ("torque-ripple", [10.0, 4.0, 0.0], 0.1 * 951.3 / paper_axis().mechanics.force_per_torque(), 8.0),
+        ("torque-disturbance", [0.2, 5.0, 0.0], 0.2, 5.0),
+        ("ball-pass-ripple", [10.0, 2.5, 0.0], 0.1 * 951.3 / paper_axis().mechanics.force_per_torque(), 5.0),
+    ] {
+        let axis = paper_axis().with_effect(entry(name).unwrap(), values);
+        let mut plant = Plant::sliding(&axis, TICK, Velocity::mm_per_s(20.0), Position::ZERO);
+        let mut integral_a = plant.state().current.as_a();
+        let [mut sine_a, mut cosine_a] = [0.0; 2];
+        for tick in 0..3_000 {
+            let state = plant.state();
+            let error = 20.0 - state.motor_velocity.as_mm_per_s();
+            integral_a += 0.4 * error;
+            plant.step(Current::a(4.0 * error + integral_a));
+            // After a turn to settle.
+            if tick >= 1_000 {
+                let angle = TAU * periods * f64::from(tick) / 2_000.0;
+                sine_a += state.current.as_a() * angle.sin() / 1_000.0;
+                cosine_a += state.current.as_a() * angle.cos() / 1_000.0;
+            }
+        }
+        let found_a = f64::hypot(sine_a, cosine_a);
+        assert!((found_a / amplitude_a - 1.0).abs() < 0.05, "{name}: {found_a} A, expected {amplitude_a} A");
+    }
+}
+
+#[test]
+fn a_mode_of_the_table_weighs_nothing_of_its_own() {
+    let mut axis = paper_axis().without_friction();
+    let bare = Plant::new(&axis, TICK);
+    axis = axis.with_effect(entry("resonance").unwrap(), [40.0, 30.0, 20.0]);
+    let way_um = |mut plant: Plant| {
+        for tick in 0..2_000 {
+            plant.step(Current::a(if tick < 400 { 2.0 } else { 0.0 }));
+        }
+        (plant.state().motor_position.as_um(), plant.state().motor_velocity.as_mm_per_s())
+    };
+    let ((bare_um, bare_mm_per_s), (with_um, with_mm_per_s)) =
+        (way_um(bare), way_um(Plant::new(&axis, TICK)));
+    // The momentum is the same, and once all is quiet so is the velocity.
+    assert!((with_mm_per_s / bare_mm_per_s - 1.0).abs() < 1e-6, "{with_mm_per_s} mm/s, {bare_mm_per_s} mm/s");
+    // What swings lags behind while it is accelerated, by far less than the way.
+    assert!((with_um / bare_um - 1.0).abs() < 1e-3 && with_um != bare_um, "{with_um} um, {bare_um} um");
+}
+
 /// Energy that a table rubbed off, J, from rest on, after each 5 us of a current that swings by `swing_a`.
 fn rubbed_j(axis: &Parameters, swing_a: f64) -> Vec<f64> {
     let mut plant = Plant::new(axis, Span::us(5));

@@ -37,6 +37,6 @@ impl Force for Saturation {
         } else {
             0.25 / self.per_n
         };
-        (made_n - magnitude_n).copysign(at.drive_n)
+        (made_n - magnitude_n) * at.drive_n.signum()
     }
 }
