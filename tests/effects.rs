@@ -136,10 +136,20 @@ fn tables(machine: &Machine, direction: Direction) -> Vec<[f64; 2]> {
     measured.map(|record| [table(record, AxisId::X), table(record, AxisId::Y)]).collect()
 }
 
-/// How far an effect of axis X moves the circle outwards beyond `expected_um` of angle, at most, um, both ways round;
-/// and how far it moves it at all.
-fn beyond(name: &str, values: Values, expected_um: impl Fn(f64, f64) -> f64) -> (f64, f64) {
+/// What an effect of axis X does to the radius of a circle, both ways round, beside what is expected of it.
+struct Held {
+    /// Measured per expected.
+    gain: f64,
+    /// Farthest from what is expected, um.
+    off_um: f64,
+    /// Farthest it moves the circle, um.
+    all_um: f64,
+}
+
+/// Holds an effect against what is expected at an angle and a radius, mm, of the circle without it, um.
+fn held(name: &str, values: Values, expected_um: impl Fn(f64, f64) -> f64) -> Held {
     let (mut off_um, mut all_um) = (0.0_f64, 0.0_f64);
+    let (mut product, mut square) = (0.0, 0.0);
     for direction in [Direction::Ccw, Direction::Cw] {
         let base = tables(&common::machine("reference"), direction);
         let with = tables(&machine_with(name, values), direction);
@@ -147,11 +157,14 @@ fn beyond(name: &str, values: Values, expected_um: impl Fn(f64, f64) -> f64) -> 
         for ([x0, y0], [x1, y1]) in base.into_iter().zip(with) {
             let (angle, radius_mm) = (y0.atan2(x0), x0.hypot(y0));
             let outwards_um = 1e3 * (x1.hypot(y1) - radius_mm);
-            off_um = off_um.max((outwards_um - expected_um(angle, radius_mm)).abs());
+            let expected_um = expected_um(angle, radius_mm);
+            off_um = off_um.max((outwards_um - expected_um).abs());
             all_um = all_um.max(outwards_um.abs());
+            product += outwards_um * expected_um;
+            square += expected_um * expected_um;
         }
     }
-    (off_um, all_um)
+    Held { gain: product / square, off_um, all_um }
 }
 
 #[test]
@@ -180,12 +193,16 @@ fn on_a_circle_effects_look_as_their_closed_forms_say() {
         }),
     ];
     for (name, values, form) in forms {
-        let (off_um, all_um) = beyond(name, values, form);
-        println!("{name}: {off_um:.4} um of {all_um:.4} um");
-        // Counts of 0.01 um, on both axes and in both runs; what swings fast the loop does not follow all the way.
-        let bound_um = if name == "encoder-eccentricity" { 0.1 } else { 0.03 };
+        let Held { gain, off_um, all_um } = held(name, values, form);
+        println!("{name}: {gain:.5} times what is expected, {off_um:.4} um off it, of {all_um:.4} um");
+        // Counts of 0.01 um, on both axes and in both runs. What swings fast the loop does not follow all the way, and
+        // the force of a screw has the stairs of the position loop.
+        let bound_um = if ["encoder-eccentricity", "cross-coupling"].contains(&name) { 0.1 } else { 0.03 };
         assert!(off_um < bound_um, "{name}: off by {off_um} um, bound {bound_um} um");
-        assert!(name == "thermal-growth" || all_um > 0.9, "{name}: {all_um} um in all");
+        if name != "thermal-growth" {
+            assert!((gain - 1.0).abs() < 0.01, "{name}: {gain} times what is expected");
+            assert!(all_um > 0.9, "{name}: {all_um} um in all");
+        }
     }
 }
 
