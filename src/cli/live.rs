@@ -111,6 +111,28 @@ impl Job<'_> {
     }
 }
 
+/// Whether the boards of a machine answer and are what their sheets say, and on a real bus whether this computer is
+/// fit for real time. No axis is enabled.
+pub(super) fn greet(
+    machine: &Machine,
+    plant: &Machine,
+    place: &Place<'_>,
+    allow_jitter: bool,
+) -> anyhow::Result<()> {
+    let drives = machine.drives()?;
+    let _operational = match (place.interface, place.pace) {
+        (None, _) => Wired::new(plant.rack(place.seed)).commission(drives)?,
+        (Some(interface), Pace::Realtime) => {
+            let prepared = Prepared::<()>::new(machine, Some(interface))?;
+            let mut bus = run::open(machine, interface, &[])?;
+            prepared.judge(allow_jitter)?;
+            run::commission(&mut bus, drives)?
+        }
+        (Some(interface), Pace::Virtual) => commission(&mut lock_step(machine, interface)?, drives)?,
+    };
+    Ok(())
+}
+
 /// A bus in lock step with the machine behind an interface.
 pub(super) fn lock_step(machine: &Machine, interface: &str) -> anyhow::Result<Lockstep<SocketCan>> {
     let bus = run::open(machine, interface, &[lockstep::MARKER])?;

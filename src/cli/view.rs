@@ -12,6 +12,7 @@ use crate::config::machine::AXIS_NAMES;
 use crate::log::header::IMPORTED;
 use crate::log::timing::Share;
 use crate::log::{Header, Summary};
+use crate::offline::autotune::CircleFigures;
 use crate::offline::check::{MachineReport, Row};
 use crate::offline::circle::{CircularTest, PointAnalysis, Quadrant};
 use crate::offline::identify::frequency::AxisResponse;
@@ -94,6 +95,20 @@ pub(super) fn pace_of(programme: &Programme, duration_s: f64) -> String {
         "  up to {:.0} mm/min and {:.2} m/s2 along the path, about {duration_s:.0} s\n",
         programme.velocity_max().as_mm_per_min(),
         programme.acceleration_max().as_m_per_s2()
+    )
+}
+
+/// A circle in one line.
+pub(super) fn circle_line(figures: &CircleFigures) -> String {
+    let axes = figures.axes.iter().map(|axis| {
+        let table = axis.table_deviation_um.map(|um| format!(" ({um:.2} at the table)")).unwrap_or_default();
+        format!("{} {:.2} um{table} and {:.2} A", axis.axis, axis.deviation_um, axis.current_a_max)
+    });
+    format!(
+        "protrusion {:.2} um, radius {:.2} um smaller; from the orbit {}",
+        figures.protrusion_um,
+        figures.radius_decrease_um,
+        axes.collect::<Vec<_>>().join(", ")
     )
 }
 

@@ -13,6 +13,7 @@
 //! Invariant: pure functions of their input (the one exception writes the finished report); the same
 //! input gives the same bytes.
 
+pub mod autotune;
 pub mod check;
 pub mod circle;
 pub mod draw;
