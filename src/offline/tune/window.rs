@@ -50,6 +50,11 @@ impl Path {
     pub fn speed_rad_per_s(&self) -> f64 {
         self.feed.as_m_per_s() / self.radius.as_m()
     }
+
+    /// The same circle at a share of the feed.
+    pub fn at(&self, share: f64) -> Self {
+        Self { feed: self.feed * share, ..*self }
+    }
 }
 
 /// What became of a reversal.
