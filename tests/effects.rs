@@ -1,17 +1,22 @@
 //! Promise: an effect that stands in a machine file is in every simulation of the machine, as its equation says.
 //! Each key of the catalogue goes through a file and back and is refused outside its bounds; in a circular test
-//! of two axes, effects that have a closed form show it; and `docs/effects.md` is the catalogue.
+//! of two axes, effects that have a closed form show it, and one reversal as tuning runs it has what the whole circle
+//! has; and `docs/effects.md` is the catalogue.
+#![cfg(feature = "offline")]
 
 mod common;
 
 use std::f64::consts::{FRAC_PI_4, TAU};
 use std::fmt::Write as _;
+use std::sync::Arc;
 
 use quadrant::base::axis::AxisId;
 use quadrant::base::motion::{Circle, Direction};
 use quadrant::base::record::CycleRecord;
 use quadrant::base::units::{Acceleration, Position, Velocity};
 use quadrant::config::{self, Machine};
+use quadrant::offline::tune::whole::circular_test;
+use quadrant::offline::tune::window::{Path, Window};
 use quadrant::plant::effects::{CATALOGUE, Entry, Values};
 use quadrant::rt::control::profile::CircleMotion;
 
@@ -173,9 +178,86 @@ fn on_a_circle_effects_look_as_their_closed_forms_say() {
     for (name, values, form) in forms {
         let (off_um, all_um) = beyond(name, values, form);
         println!("{name}: {off_um:.4} um of {all_um:.4} um");
-        // Counts of 0.01 um, on both axes and in both runs.
-        let bound_um = if name == "encoder-eccentricity" { 0.15 * all_um } else { 0.05 };
+        // Counts of 0.01 um, on both axes and in both runs; what swings fast the loop does not follow all the way.
+        let bound_um = if name == "encoder-eccentricity" { 0.1 } else { 0.03 };
         assert!(off_um < bound_um, "{name}: off by {off_um} um, bound {bound_um} um");
         assert!(name == "thermal-growth" || all_um > 0.9, "{name}: {all_um} um in all");
     }
+}
+
+/// Both axes of the paper's machine with an effect, and the protrusion that the whole circle and one reversal as
+/// tuning runs it have of it, um.
+fn protrusions(effect: Option<(&str, Values)>) -> [f64; 2] {
+    let mut machine = common::machine("paper");
+    for (_, axis) in machine.axes.iter_mut() {
+        if let Some((name, values)) = effect {
+            let entry = quadrant::plant::effects::entry(name).expect("an effect of the catalogue");
+            axis.plant = axis.plant.with_effect(entry, values);
+        }
+    }
+    let path = Path { radius: Position::mm(RADIUS_MM), feed: Velocity::mm_per_min(1_000.0) };
+    let gains = machine.axes.map(|id, _| *machine.gains(id, 0));
+    let whole =
+        circular_test(&machine, &gains, &path, SEED, &Arc::default()).expect("the circle comes to its end");
+    let window = Window::new(&machine, &machine.axes[AxisId::X], path, 0.0).run(&gains[AxisId::X]);
+    [whole.motor.protrusion_um.max, window.height_um]
+}
+
+#[test]
+fn tuning_sees_the_effects_that_the_whole_circle_has() {
+    let [bare_um, _] = protrusions(None);
+    let effects: [(&str, Values); 3] = [
+        ("stribeck", [150.0, 4.0, 0.0]),
+        // At its most where the axes turn back, two turns of the screw from the centre.
+        ("screw-ripple", [20.0, 90.0, 0.0]),
+        ("presliding", [8.0, 0.0, 0.0]),
+    ];
+    for (name, values) in effects {
+        let [whole_um, window_um] = protrusions(Some((name, values)));
+        println!("{name}: {whole_um:.3} um, in one reversal {window_um:.3} um; without {bare_um:.3} um");
+        assert!((whole_um - bare_um).abs() > 0.5, "{name}: {whole_um} um, without {bare_um} um");
+        assert!((window_um - whole_um).abs() < 0.05, "{name}: {window_um} um, on the circle {whole_um} um");
+    }
+}
+
+/// The catalogue as `docs/effects.md` has it.
+fn table() -> String {
+    let mut text = String::from(
+        "| effect | what it is | equation | keys, bounds, usual value | a shape over | shown by |\n|---|---|---|---|---|---|\n",
+    );
+    for entry in CATALOGUE {
+        let keys: Vec<String> = entry
+            .parameters
+            .iter()
+            .map(|parameter| {
+                let [least, most] = parameter.bounds;
+                format!("`{}` {least} to {most}: {}", parameter.key, parameter.nominal)
+            })
+            .collect();
+        let alias = match entry.aliases {
+            [] => String::new(),
+            aliases => format!("; not told from {}", aliases.join(", ")),
+        };
+        writeln!(
+            text,
+            "| `{}` | {}{} | `{}` | {} | {} | {} |",
+            entry.name,
+            entry.summary,
+            alias,
+            entry.equation.replace('|', "\\|"),
+            keys.join("<br>"),
+            entry.coordinate,
+            entry.experiment
+        )
+        .expect("a string takes all");
+    }
+    text
+}
+
+#[test]
+fn the_page_of_effects_is_the_catalogue() {
+    let page = include_str!("../docs/effects.md");
+    let (_, rest) = page.split_once("<!-- catalogue -->\n").expect("the mark before the table");
+    let (written, _) = rest.split_once("<!-- /catalogue -->").expect("the mark behind the table");
+    assert!(written == table(), "docs/effects.md has another table than the catalogue:\n{}", table());
 }

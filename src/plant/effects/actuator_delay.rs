@@ -13,7 +13,7 @@ pub(super) const ENTRY: Entry = Entry {
     parameters: &[Parameter::new("delay-us", "us", [0.0, 20_000.0], 250.0, 300.0)],
     coordinate: Coordinate::Frequency,
     experiment: Experiment::Excitation,
-    aliases: &["current-loop-lag"],
+    aliases: &[],
     action: Action::Parameter(|values, axis| {
         axis.actuator.dead_time = axis.actuator.dead_time + Span::s(1e-6 * values[0])
     }),

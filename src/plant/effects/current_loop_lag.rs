@@ -16,7 +16,7 @@ pub(super) const ENTRY: Entry = Entry {
     parameters: &[Parameter::new("lag-us", "us", [0.0, 10_000.0], 300.0, 300.0)],
     coordinate: Coordinate::Frequency,
     experiment: Experiment::Excitation,
-    aliases: &["actuator-delay"],
+    aliases: &[],
     action: Action::Parameter(|values, axis| {
         axis.actuator.current_loop_hz = 1.0 / (TAU * (axis.actuator.lag_s() + 1e-6 * values[0]));
     }),
