@@ -11,8 +11,10 @@ use crate::base::units::Current;
 /// Figures closer than this are alike, um: what the protrusion of the reference machine scatters by, from seed to
 /// seed of its encoder counters and its noise.
 pub const ALIKE_UM: f64 = 0.2;
-/// So much more or less radius is no matter, um.
+/// So much more off the radius is no matter: in um, and as a share of what was off before. What takes the radius is
+/// the gain of the position loop and the feed; the velocity loop moves it by little.
 const RADIUS_UM: f64 = 1.0;
+const RADIUS_SHARE: f64 = 0.01;
 
 /// Why a circle is worse than the one before: an axis farther off at its reversals, a path less round, a radius
 /// farther off, or an axis at its current limit. Empty: it is not worse.
@@ -41,9 +43,10 @@ pub fn worse(before: &CircleFigures, after: &CircleFigures, limits: &PerAxis<Cur
                 .push(format!("axis {axis} asked for {current_a_max:.2} A, its limit is {limit_a:.2} A"));
         }
     }
+    let [old_um, new_um] = [before, after].map(|figures| figures.radius_decrease_um.abs());
     let figures = [
         ("circular deviation", before.circular_deviation_um, after.circular_deviation_um, ALIKE_UM),
-        ("radius off by", before.radius_decrease_um.abs(), after.radius_decrease_um.abs(), RADIUS_UM),
+        ("radius off by", old_um, new_um, RADIUS_UM + RADIUS_SHARE * old_um),
     ];
     for (name, before_um, after_um, alike_um) in figures {
         let is_kept = after_um <= before_um + alike_um;
@@ -120,5 +123,6 @@ mod tests {
         }
         assert!(objections(|c| c.axes[0].deviation_um = 12.0).is_empty());
         assert!(objections(|c| c.radius_decrease_um = 0.5).is_empty());
+        assert!(objections(|c| c.radius_decrease_um = -51.4).is_empty(), "1 um and 1 % of 50 um");
     }
 }
