@@ -9,7 +9,7 @@
 use std::fs;
 use std::path::Path;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 use rand::RngExt;
 use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
@@ -22,7 +22,7 @@ use crate::machine_file;
 use crate::path::Motion;
 use crate::plan::{Plan, Role, Severity};
 use crate::plant::Plant;
-use crate::rig::{Bump, STEPS};
+use crate::rig::{Bump, Row, STEPS};
 use crate::session::Session;
 use crate::severity::{self, Visible, Yardstick};
 use crate::trace;
@@ -120,8 +120,13 @@ impl Bench {
             1 => each[0],
             _ => self.severity(features, &visible),
         };
+        let rows = self.run(plan, &nuisance, features);
+        if !severity::is_sane(&rows) {
+            // Its loops do not bear the effect together with the noise.
+            return Ok(None);
+        }
         let case = folder.join(&plan.id);
-        self.write(plan, &nuisance, features, &case)?;
+        self.write(plan, &nuisance, &rows, &case)?;
         let effects = effects.iter().zip(&each).map(|(effect, d_prime)| TrueEffect {
             axis: ["x", "y"][effect.axis].to_owned(),
             name: effect.name().to_owned(),
@@ -189,10 +194,8 @@ impl Bench {
         None
     }
 
-    /// The files of a case: its runs and its machine file.
-    fn write(&self, plan: &Plan, nuisance: &Nuisance, features: [Features; 2], case: &Path) -> Result<()> {
-        fs::create_dir_all(case).with_context(|| format!("cannot make {}", case.display()))?;
-        let mut features = features;
+    /// The session as it is measured.
+    fn run(&self, plan: &Plan, nuisance: &Nuisance, mut features: [Features; 2]) -> Vec<Vec<Row>> {
         for own in &mut features {
             own.reading.current_gain = nuisance.current_gain.unwrap_or(0.0);
         }
@@ -205,10 +208,12 @@ impl Bench {
             bump: nuisance.bump,
             drift: nuisance.drift,
         };
-        let rows = session.run();
-        if !severity::is_sane(&rows) {
-            bail!("case {}: the machine runs away; its loops do not bear this effect", plan.id);
-        }
+        session.run()
+    }
+
+    /// The files of a case: its runs and its machine file.
+    fn write(&self, plan: &Plan, nuisance: &Nuisance, rows: &[Vec<Row>], case: &Path) -> Result<()> {
+        fs::create_dir_all(case).with_context(|| format!("cannot make {}", case.display()))?;
         let mut source = random(plan.seed, 8);
         for (number, (run, start)) in self.machine.runs.iter().zip(Session::starts(&self.machine)).enumerate()
         {

@@ -33,7 +33,8 @@ pub struct Controller {
     before: Option<[f64; 2]>,
     velocity_command: f64,
     integral: f64,
-    filtered: Option<Setpoint>,
+    /// The last setpoint and what was made of it.
+    filtered: Option<(Setpoint, Setpoint)>,
     /// What the mean over the setpoint goes over, in a ring.
     window: Vec<Setpoint>,
     /// Direction in which the setpoint went last, and periods since it turned.
@@ -95,12 +96,19 @@ impl Controller {
     /// What becomes of the setpoint on its way to the loops.
     fn filter(&mut self, number: u64, setpoint: Setpoint) -> Setpoint {
         if self.loops.filter_time > 0.0 {
-            let keep = (-PERIOD / self.loops.filter_time).exp();
-            let held = self.filtered.unwrap_or(setpoint);
-            let mix = |held: f64, new: f64| keep * held + (1.0 - keep) * new;
-            let filtered =
-                Setpoint { place: mix(held.place, setpoint.place), speed: mix(held.speed, setpoint.speed) };
-            self.filtered = Some(filtered);
+            // Exact for straight lines between the setpoints.
+            let time = self.loops.filter_time;
+            let keep = (-PERIOD / time).exp();
+            let (before, held) = self.filtered.unwrap_or((setpoint, setpoint));
+            let follow = |held: f64, old: f64, new: f64| {
+                let lag = time * (new - old) / PERIOD;
+                new - lag + keep * (held - old + lag)
+            };
+            let filtered = Setpoint {
+                place: follow(held.place, before.place, setpoint.place),
+                speed: follow(held.speed, before.speed, setpoint.speed),
+            };
+            self.filtered = Some((setpoint, filtered));
             return filtered;
         }
         if self.loops.mean_time > 0.0 {

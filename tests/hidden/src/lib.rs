@@ -24,6 +24,7 @@ pub mod path;
 pub mod plan;
 pub mod plant;
 pub mod rig;
+pub mod score;
 pub mod session;
 pub mod severity;
 pub mod trace;
