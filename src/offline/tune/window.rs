@@ -24,9 +24,9 @@ use crate::base::units::{Acceleration, Current, Position, Velocity};
 use crate::config::Machine;
 use crate::config::machine::{Axis, Gains};
 use crate::offline::loops::Loops;
-use crate::plant::Plant;
 use crate::plant::encoder::{Knot, Latch};
 use crate::plant::friction::Law;
+use crate::plant::{Plant, steady_force};
 use crate::rt::control::{AxisLoop, Settings};
 use crate::rt::drive::sheet::CommandApplies;
 use crate::rt::drive::velocity::VelocityEstimator;
@@ -49,6 +49,11 @@ impl Path {
     /// Angular speed, rad/s.
     pub fn speed_rad_per_s(&self) -> f64 {
         self.feed.as_m_per_s() / self.radius.as_m()
+    }
+
+    /// The same circle at a share of the feed.
+    pub fn at(&self, share: f64) -> Self {
+        Self { feed: self.feed * share, ..*self }
     }
 }
 
@@ -104,7 +109,8 @@ impl<'m> Window<'m> {
         let turns: Vec<[f64; 2]> = (0..=2 * half + settle).map(turn).collect();
         // The orbit is smaller than the circle, by far less than matters for how the axis slides.
         let velocity = path.feed * -turns[0][1];
-        let sliding = Plant::sliding(&axis.plant, machine.cycle.period, velocity);
+        let place = path.radius * turns[0][0];
+        let sliding = Plant::sliding(&axis.plant, machine.cycle.period, velocity, place);
         Self { machine, axis: *axis, path, sliding, turns, seen_from: settle }
     }
 
@@ -182,7 +188,7 @@ impl<'w> Run<'w> {
         let orbit_m = response.norm() * path.radius.as_m();
         let [cos, sin] = window.turns[0];
         let velocity = Velocity::m_per_s(-orbit_m * path.speed_rad_per_s() * sin);
-        let real = Law::new(axis.plant.friction).sliding(velocity);
+        let real = steady_force(&axis.plant, velocity, path.radius * cos);
         let torque = axis.plant.mechanics.torque_for_force(real);
 
         // Without a true integrator a torque takes a speed error, and that a distance from the orbit.
@@ -211,7 +217,7 @@ impl<'w> Run<'w> {
             window,
             axis,
             loops: AxisLoop::new(&settings),
-            plant: window.sliding.clone(),
+            plant: window.sliding.clone().placed(start),
             encoder,
             estimator,
             start,
@@ -265,7 +271,9 @@ impl<'w> Run<'w> {
 
     fn sample(&mut self) -> Sample {
         let scale = &self.axis.scale;
-        let latched = scale.motor_counts(self.start + self.encoder.position(Span::ZERO));
+        let place = self.encoder.position(Span::ZERO);
+        let [shown, _] = self.plant.shown(place, place);
+        let latched = scale.motor_counts(self.start + shown);
         let position = scale.motor_position(latched);
         Sample {
             freshness: Freshness::Fresh,
