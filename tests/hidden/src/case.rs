@@ -91,7 +91,11 @@ pub struct Bench {
 impl Bench {
     /// For the machine of a seed.
     pub fn new(seed: u64) -> Self {
-        let machine = Machine::drawn(seed);
+        Self::of(Machine::drawn(seed))
+    }
+
+    /// For this machine.
+    pub fn of(machine: Machine) -> Self {
         let stick = Yardstick::new(&machine);
         Self { machine, stick }
     }

@@ -82,8 +82,7 @@ impl Machine {
         Self { name: "paper".to_owned(), seed: 0, axes: [axis; 2], runs: runs(&mut random(0, 2)) }
     }
 
-    /// A machine of this seed. Every sixth is that of the known answers behind real sensors, for the rest see
-    /// [`drawn_axis`].
+    /// A machine of this seed: every sixth is that of the known answers behind real sensors, the others are unlike it.
     pub fn drawn(seed: u64) -> Self {
         let mut source = random(seed, 1);
         let mut machine = Self::paper();

@@ -71,7 +71,9 @@ fn main() -> Result<()> {
         Verb::Run { quadrant, arguments, out, keep, jobs, choice } => {
             let (cases, results) = (out.join("cases"), out.join("results"));
             fs::create_dir_all(&results).with_context(|| format!("cannot make {}", results.display()))?;
-            let program = Program { path: quadrant, arguments };
+            let path =
+                quadrant.canonicalize().with_context(|| format!("no program {}", quadrant.display()))?;
+            let program = Program { path, arguments };
             work(&choice, jobs, |bench, plan| {
                 let is_made = bench.make(plan, &cases)?.is_some();
                 if is_made {
@@ -140,17 +142,18 @@ struct Program {
 }
 
 impl Program {
-    /// What it says of a case. Whatever is no JSON is a failure, with what it said of it.
+    /// What it says of a case. It is called in the case's folder, with names that tell nothing of the truth. Whatever
+    /// is no JSON is a failure, with what it said of it.
     fn answer(&self, case: &Path) -> Result<Value> {
-        let runs = runs(case)?;
-        let is_held_out =
-            |run: &PathBuf| run.file_name().is_some_and(|name| name.to_string_lossy().starts_with("heldout"));
-        let (held_out, fit): (Vec<PathBuf>, Vec<PathBuf>) = runs.iter().cloned().partition(is_held_out);
+        let names: Vec<_> = runs(case)?.iter().filter_map(|run| Some(run.file_name()?.to_owned())).collect();
+        let (held_out, fit): (Vec<_>, Vec<_>) =
+            names.iter().partition(|name| name.to_string_lossy().starts_with("heldout"));
         let mut command = Command::new(&self.path);
+        command.current_dir(case);
         for argument in self.arguments.split_whitespace() {
             match argument {
-                "{machine}" => command.arg(case.join("machine.toml")),
-                "{runs}" => command.args(&runs),
+                "{machine}" => command.arg("machine.toml"),
+                "{runs}" => command.args(&names),
                 "{fit}" => command.args(&fit),
                 "{heldout}" => command.args(&held_out),
                 plain => command.arg(plain),

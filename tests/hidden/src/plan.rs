@@ -6,8 +6,18 @@
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
-use crate::effect::{NAMES, Strangeness, What};
+use crate::effect::{Kind, NAMES, Strangeness, What};
 use crate::machine::random;
+
+/// Effects that hide each other: the first two cancel in the current, the others show in the same place.
+const HARD_PAIRS: [[Kind; 2]; 6] = [
+    [Kind::Stribeck, Kind::ReversalCompensation],
+    [Kind::Stribeck, Kind::Presliding],
+    [Kind::Backlash, Kind::SoftZone],
+    [Kind::MotorCogging, Kind::TorqueRipple],
+    [Kind::PositionDependentFriction, Kind::PositionDependentStiffness],
+    [Kind::ActuatorDelay, Kind::CurrentLoopLag],
+];
 
 /// How strong, by `d'`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
@@ -150,8 +160,10 @@ pub fn list(choice: &Choice) -> Vec<Plan> {
                 Role::Pair => {
                     let one = source.random_range(0..NAMES.len());
                     let other = (one + source.random_range(1..NAMES.len())) % NAMES.len();
+                    let hard = HARD_PAIRS[(n / 3) as usize % HARD_PAIRS.len()];
+                    let pair = if n.is_multiple_of(3) { hard } else { [NAMES[one].0, NAMES[other].0] };
                     let stronger = if severity == Severity::Small { Severity::Medium } else { severity };
-                    (vec![What::Named(NAMES[one].0), What::Named(NAMES[other].0)], Some(stronger))
+                    (pair.map(What::Named).to_vec(), Some(stronger))
                 }
                 Role::Unknown => {
                     let kind =

@@ -8,15 +8,18 @@ use hidden::features::Features;
 use hidden::machine::Machine;
 use hidden::path::{Motion, Run};
 use hidden::plant::Plant;
-use hidden::rig::{Conditions, Row, STEPS, run};
+use hidden::rig::{Conditions, Row, run};
 
 /// Of the session at the begin of the runs here, s: what warms up has begun to.
 const START: f64 = 30.0;
 
 fn machine() -> Machine {
     let mut machine = Machine::paper();
-    // Fast enough that a leg of a sweep comes to its steady state.
-    machine.axes.iter_mut().for_each(|axis| axis.control.position_gain = 30.0);
+    for axis in &mut machine.axes {
+        // Fast enough that a leg of a sweep comes to its steady state, and something wet beside the dry friction.
+        axis.control.position_gain = 30.0;
+        axis.plant.viscous = 1e4;
+    }
     machine
 }
 
@@ -68,6 +71,10 @@ impl Place<'_> {
     }
     /// Force of the screw without the effect, N.
     fn friction(&self) -> f64 {
+        self.dry() + self.direction() * self.plant.viscous_friction(self.velocity.abs())
+    }
+    /// The dry part of it, N.
+    fn dry(&self) -> f64 {
         self.direction() * self.plant.sliding
     }
 }
@@ -137,7 +144,7 @@ fn forces_of_friction_and_load_show_in_the_current() {
         size * at.velocity * at.velocity.abs()
     });
     changes(&named(Kind::DirectionAsymmetry, 0.3), SPEED, Force, 0.05, |at, size| {
-        0.01 * size * at.plant.sliding
+        0.01 * size * at.friction() * at.direction()
     });
     changes(&named(Kind::ConstantForce, 0.3), SPEED, Force, 0.05, |_, size| size);
     changes(&named(Kind::SpringLoad, 0.3), SPEED, Force, 0.05, |at, _| {
@@ -149,7 +156,7 @@ fn forces_of_friction_and_load_show_in_the_current() {
     });
     changes(&named(Kind::FrictionWarmUp, 0.5), SPEED, Force, 0.05, |at, size| {
         let time = at.features[0].rubbing.warm.time;
-        -at.friction() * 0.01 * size * (1.0 - (-at.t / time).exp())
+        -at.dry() * 0.01 * size * (1.0 - (-at.t / time).exp())
     });
     // Slope, wave and bump.
     for choice in [0.1, 0.5, 0.9] {
@@ -159,7 +166,7 @@ fn forces_of_friction_and_load_show_in_the_current() {
             let [height, place, width] = rubbing.place_bump;
             let bump =
                 if height == 0.0 { 0.0 } else { height * (-((at.place - place) / width).powi(2)).exp() };
-            at.friction() * (rubbing.place_slope * at.place + rubbing.place_wave.at(at.place) + bump)
+            at.dry() * (rubbing.place_slope * at.place + rubbing.place_wave.at(at.place) + bump)
         });
     }
     // As a bell.
@@ -175,10 +182,10 @@ fn ripples_show_over_the_angle_in_the_current() {
     // Slowly, so that the loops follow: at 5 mm/s the sixth order is 3 Hz.
     let slow = 0.005;
     changes(&named(Kind::ScrewRipple, 0.3), SPEED, Force, 0.15, |at, _| {
-        at.friction() * at.features[0].rubbing.ripple[0].at(at.angle())
+        at.dry() * at.features[0].rubbing.ripple[0].at(at.angle())
     });
     changes(&named(Kind::BallPassRipple, 0.5), slow, Force, 0.15, |at, _| {
-        at.friction() * at.features[0].rubbing.ripple[1].at(at.angle())
+        at.dry() * at.features[0].rubbing.ripple[1].at(at.angle())
     });
     changes(&named(Kind::MotorCogging, 0.3), slow, Force, 0.35, |at, _| {
         let torque: f64 = at.features[0].motor.cogging.iter().map(|wave| wave.at(at.angle())).sum();
@@ -358,12 +365,12 @@ fn a_swinging_mass_rings_at_its_frequency() {
 #[test]
 fn an_effect_of_no_size_changes_no_bit() {
     let circle = || Motion::Circle { radius: 0.01, feed: 0.05, is_ccw: true, laps: 1 };
-    let base = rows(circle(), &Default::default(), 1200);
+    let base = rows(circle(), &Default::default(), 800);
     let all = NAMES.iter().map(|(kind, _)| What::Named(*kind)).chain(Strangeness::ALL.map(What::Strange));
     for what in all {
-        for choice in [0.1, 0.5, 0.9] {
+        for choice in [0.1, 0.9] {
             let (none, _) = set(&effect(what, 0.0, choice));
-            let is_same = rows(circle(), &none, 1200) == base;
+            let is_same = rows(circle(), &none, 800) == base;
             assert!(is_same, "{} of no size changes the run", effect(what, 0.0, choice).name());
         }
     }
@@ -378,5 +385,4 @@ fn every_effect_changes_the_run() {
         let (some, _) = set(&effect(what, 1.0, 0.1));
         assert!(rows(circle(), &some, 2400) != base, "{what:?} changes nothing");
     }
-    assert_eq!(STEPS, 25, "the tests here are quick because of this");
 }

@@ -176,7 +176,7 @@ mod tests {
     #[test]
     fn three_hundred_without_a_fault_prove_one_and_a_quarter_per_cent() {
         let [share, low, high] = wilson(0, 300);
-        assert_eq!((share, low), (0.0, 0.0));
+        assert!(share == 0.0 && low < 1e-12, "{share}, from {low} on");
         assert!((high - 0.01264).abs() < 1e-4, "upper end {high}");
         let [_, low, high] = wilson(9, 10);
         assert!((low - 0.596).abs() < 1e-3 && (high - 0.982).abs() < 1e-3, "{low} to {high}");
