@@ -99,6 +99,8 @@ pub struct AxisTrace {
     pub torque_friction_nm: Vec<f64>,
     /// Inertia feed-forward, N m.
     pub torque_inertia_nm: Vec<f64>,
+    /// Gain set that acts, by its place in the machine file.
+    pub gain_set: Vec<u8>,
     /// State of the axis.
     pub mode: Vec<ModeTag>,
     /// Whether each row's sample was made by its own SYNC.
@@ -121,6 +123,7 @@ impl AxisTrace {
         self.torque_integral_nm.push(command.terms.integral.as_nm());
         self.torque_friction_nm.push(command.terms.friction.as_nm());
         self.torque_inertia_nm.push(command.terms.inertia.as_nm());
+        self.gain_set.push(record.gain_set);
         self.mode.push(record.mode);
         self.is_fresh.push(sample.freshness == Freshness::Fresh);
     }
@@ -207,6 +210,7 @@ impl Trace {
                     torque_integral_nm: cut(&axis.torque_integral_nm),
                     torque_friction_nm: cut(&axis.torque_friction_nm),
                     torque_inertia_nm: cut(&axis.torque_inertia_nm),
+                    gain_set: axis.gain_set[rows.clone()].to_vec(),
                     mode: axis.mode[rows.clone()].to_vec(),
                     is_fresh: axis.is_fresh[rows.clone()].to_vec(),
                 })
