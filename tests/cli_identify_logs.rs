@@ -65,9 +65,19 @@ fn a_log_tells_what_is_in_it_and_a_machine_file_takes_it() {
     assert!((stiffness / 151e6 - 1.0).abs() < 0.05 && stiffness != 151e6, "{stiffness} N/m");
     let gone: Vec<&str> = before.lines().filter(|line| !after.lines().any(|other| other == *line)).collect();
     let is_known = |line: &&str| {
-        ["stiffness", "motor-inertia", "breakaway", "sliding", "fall-", "viscous", "variant", "current-loop"]
-            .iter()
-            .any(|key| line.starts_with(key))
+        [
+            "stiffness",
+            "motor-inertia",
+            "breakaway",
+            "sliding",
+            "fall-",
+            "viscous",
+            "variant",
+            "current-loop",
+            "dead-time",
+        ]
+        .iter()
+        .any(|key| line.starts_with(key))
     };
     assert!(gone.iter().all(is_known), "{gone:?}");
     assert!(after.contains("# paper, Table 1: K_eq; printed as N/mm"), "the comment beside the value stays");

@@ -92,11 +92,6 @@ impl Comparison {
         1.0 / self.period.as_s()
     }
 
-    /// How long the rows that are compared last, s.
-    pub fn duration_s(&self) -> f64 {
-        self.compared as f64 * self.period.as_s()
-    }
-
     /// Measured force of the rows that are compared, N.
     pub fn measured_n(&self) -> &[f64] {
         &self.force_n[self.first..self.first + self.compared]
@@ -139,12 +134,6 @@ impl Comparison {
         let scale = apart(&force_n) / apart(&slides_n);
         let is_likely = (1.0 / SCALE_MAX..SCALE_MAX).contains(&scale);
         Model { friction: if is_likely { model.friction.scaled(scale) } else { model.friction }, ..*model }
-    }
-
-    /// Time in s, measured and modelled force in N.
-    pub fn beside(&self, model: &Model) -> Vec<[f64; 3]> {
-        let rows = self.measured_n().iter().zip(self.felt_n(model)).enumerate();
-        rows.map(|(row, (measured, felt))| [row as f64 * self.period.as_s(), *measured, felt]).collect()
     }
 
     /// Measured less modelled, N.

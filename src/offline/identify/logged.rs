@@ -4,7 +4,7 @@
 //! ```text
 //!   accelerations ──► all that moves ──► motor as a mass (the table's mass is the machine file's)
 //!   steady ─────────► F_low, m, F_0
-//!   reversals, ramps ──► K ──► F_max ◄──► D_v, D_v'        (twice: each of the last two needs the other)
+//!   reversals, ramps ──► K ──► F_max ──► D_v, D_v' ──► F_low again, where the line ends
 //! ```
 //!
 //! Forces come from the current, so each of them is as uncertain as the torque constant: that is a term of its own
@@ -12,19 +12,25 @@
 //! tell it.
 
 use super::comparison::{Comparison, Model, Start};
-use super::fall::Fall;
+use super::fall::known::{Known, Uncertainty};
+use super::fall::reversal::{Believed, Reversal};
+use super::fall::search::{Search, Told};
+use super::fall::{Falls, Reversals};
 use super::inertia;
 use super::least_squares::student95;
 use super::measured::Measured;
 use super::ripple::Ripple;
 use super::steady::{self, Sliding, SteadyPoint};
 use super::stretches::{Stretch, Stretches};
-use super::{AxisFindings, Estimate, Finding, breakaway, current_loop, fall, stiffness};
+use super::{AxisFindings, Estimate, Finding, breakaway, current_loop, stiffness};
 use crate::base::axis::AxisId;
-use crate::base::units::{Force, Velocity};
+use crate::base::time::Span;
+use crate::base::units::Force;
 use crate::config::machine::Axis;
 use crate::offline::trace::Trace;
+use crate::plant::effects::Effects;
 use crate::plant::friction::Variant;
+use crate::plant::{Actuator, Parameters};
 
 /// Slowest stretch that tells sliding friction, as long as the falling part is not known, mm/s; then a multiple of
 /// its end.
@@ -35,8 +41,10 @@ const VALUES_MIN: usize = 3;
 /// How well a count of the encoder is known when the table breaks away, as half an interval: all ramps are wrong
 /// alike, so their scatter does not show it. From 100 random machines with 0.1 um and 1 um.
 const COUNTED: f64 = 0.2;
-/// A variant is named where it leaves less than this share of what the other leaves.
-const BETTER: f64 = 0.9;
+/// Regions that are looked at for the falling part before sliding is taken again with it, and after.
+const LOOKS: [usize; 2] = [2, 3];
+/// Half of a 95 % interval in standard deviations.
+const OF_95: f64 = 1.96;
 
 /// What is believed before a log is looked at.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -97,6 +105,8 @@ struct Work<'a> {
     model: Model,
     offset_n: f64,
     ripple: Ripple,
+    actuator: Actuator,
+    uncertainty: Uncertainty,
 }
 
 impl LoggedAxis {
@@ -142,8 +152,21 @@ impl<'a> Work<'a> {
         let stretches = Stretches::of(&measured);
         let mechanics = axis.plant.mechanics;
         let model = Model { mechanics, motor_kg: mechanics.motor_mass_kg(), friction: axis.plant.friction };
-        let ripple = Ripple::default();
-        Ok(Self { measured, stretches, axis, settings, model, offset_n: 0.0, ripple })
+        let uncertainty = Uncertainty {
+            torque_constant: 0.01 * settings.torque_constant_tolerance_percent / OF_95,
+            ..Uncertainty::default()
+        };
+        Ok(Self {
+            measured,
+            stretches,
+            axis,
+            settings,
+            model,
+            offset_n: 0.0,
+            ripple: Ripple::default(),
+            actuator: axis.plant.actuator,
+            uncertainty,
+        })
     }
 
     fn identified(&mut self) -> LoggedAxis {
@@ -160,50 +183,42 @@ impl<'a> Work<'a> {
         let mut sliding = steady::fit(&points, SLIDES_MM_PER_S * 1e-3).ok();
         self.take(sliding.as_ref());
         put("stiffness", self.stiffness());
-        let reversals = self.reversals();
-        let mut breakaway = Vec::new();
-        let mut fall = None;
-        for _ in 0..2 {
-            breakaway = self.breakaway(&reversals);
-            if let Some((mean, _)) = scatter(&breakaway) {
-                self.model.friction.breakaway = Force::n(mean.max(self.model.friction.sliding.as_n()));
+        let [lag, dead] = current_loop::findings(&self.measured, &self.stretches, self.axis);
+        self.take_current_loop([&lag, &dead]);
+        put("current_loop", lag);
+        put("dead_time", dead);
+        let comparisons = self.comparisons();
+        let mut breakaway = self.breakaway(&comparisons);
+        let mut falls: Option<Falls> = None;
+        for looks in LOOKS {
+            let is_known = self.take_breakaway(&breakaway) && sliding.is_some();
+            let Some(reversals) = self.reversals().filter(|_| is_known) else { break };
+            let falls = falls.get_or_insert_default();
+            falls.look(&reversals, &self.known(), looks);
+            if falls.best().is_explained() {
+                falls.best().put(&mut self.model.friction);
             }
-            fall = if breakaway.len() < VALUES_MIN || sliding.is_none() || !self.measured.is_fine() {
-                None
-            } else {
-                fall::fit(&reversals, &self.model)
-            };
-            if let Some(Fall { found: [end, start], end_mm_per_s: (slowest, _), .. }) = &fall {
-                self.model.friction.fall_end = Velocity::mm_per_s(*end);
-                self.model.friction.fall_start = Velocity::mm_per_s(*start);
-                sliding = steady::fit(&points, SLIDES_RATIO * slowest * 1e-3).ok().or(sliding);
-                self.take(sliding.as_ref());
+            if let Some(end) = falls.best().end_mm_per_s() {
+                sliding = steady::fit(&points, SLIDES_RATIO * end.value * 1e-3).ok().or(sliding);
             }
-        }
-        let held_out = fall.as_ref().and_then(|_| fall::held_out_n2(&reversals, &self.model));
-        let reversal = reversals.first().map(|one| one.beside(&one.here(&self.model))).unwrap_or_default();
-        if let Some(Fall { end_mm_per_s: (end, _), start_mm_per_s: (start, _), .. }) = &fall {
-            self.model.friction.fall_end = Velocity::mm_per_s(*end);
-            self.model.friction.fall_start = Velocity::mm_per_s(*start);
             self.take(sliding.as_ref());
+            breakaway = self.breakaway(&comparisons);
         }
-        self.sliding_findings(sliding.as_ref(), fall.as_ref(), &mut put);
-        put("breakaway", self.breakaway_finding(&breakaway, reversals.len()));
-        fall_findings(fall.as_ref(), reversals.len(), &mut put);
-        self.rest_findings(&mut put);
-        let variant = held_out.and_then(|[linear, nonlinear]| {
-            (linear < BETTER * nonlinear)
-                .then_some(Variant::Linear)
-                .or((nonlinear < BETTER * linear).then_some(Variant::Nonlinear))
-        });
+        self.take_breakaway(&breakaway);
+        let best = falls.as_ref().map(Falls::best);
+        let reversals = self.reversals();
+        self.sliding_findings(sliding.as_ref(), best, &mut put);
+        self.breakaway_findings(&breakaway, comparisons.len(), &mut put);
+        fall_findings(best, reversals.as_ref().map_or(0, Reversals::count), &mut put);
+        rest_findings(&mut put);
         LoggedAxis {
             findings,
-            variant,
+            variant: falls.as_ref().and_then(Falls::variant),
             points,
             model: self.model,
             offset_n: self.offset_n,
-            reversal,
-            summary: self.summary(fall.as_ref(), held_out),
+            reversal: reversals.map(|all| all.first().beside(&self.known().axis)).unwrap_or_default(),
+            summary: self.summary(falls.as_ref()),
         }
     }
 
@@ -217,6 +232,7 @@ impl<'a> Work<'a> {
         let mechanics = &self.model.mechanics;
         let per_kg = mechanics.travel_per_rad_m() / mechanics.force_per_torque();
         self.model.motor_kg = (mean - mechanics.mass_kg).max(0.0);
+        self.uncertainty.moving_kg = half / OF_95;
         let source = format!("{} accelerations", masses.len());
         let moving = self.of_force(Estimate::within(mean, half, "kg", source.clone()));
         // Efficiency and lead scale force and mass alike: at the shaft only the torque constant is left.
@@ -231,7 +247,50 @@ impl<'a> Work<'a> {
             self.model.friction.viscous_n_s_per_m = viscous;
             self.model.friction.sliding = Force::n(sliding.at_rest_n[0] + viscous * end_m_per_s);
             self.offset_n = sliding.offset_n[0];
+            self.uncertainty.sliding_n = sliding.at_rest_n[1] / OF_95;
+            self.uncertainty.viscous_n_s_per_m = sliding.viscous_n_s_per_m[1] / OF_95;
         }
+    }
+
+    /// The current loop; its dead time where it is not that of the machine file.
+    fn take_current_loop(&mut self, [lag, dead]: [&Finding; 2]) {
+        if let Some(Estimate { value, ci95: [low, high], .. }) = lag.estimate() {
+            self.actuator.current_loop_hz = *value;
+            self.uncertainty.current_loop = 0.5 * (high - low) / (OF_95 * value);
+        }
+        if let Some(Estimate { value, ci95: [low, high], .. }) = dead.estimate()
+            && !(*low..=*high).contains(&(1e6 * self.actuator.dead_time.as_s()))
+        {
+            self.actuator.dead_time = Span::s(1e-6 * value.max(0.0));
+        }
+    }
+
+    /// The break-away force; whether there is one.
+    fn take_breakaway(&mut self, values: &[f64]) -> bool {
+        let Some((mean, half)) = scatter(&sizes(values)) else { return false };
+        self.model.friction.breakaway = Force::n(mean.max(self.model.friction.sliding.as_n()));
+        self.uncertainty.breakaway_n = half.hypot(self.coarse_n()) / OF_95;
+        true
+    }
+
+    /// How well a count of the encoder leaves the break-away force known, as half an interval, N.
+    fn coarse_n(&self) -> f64 {
+        COUNTED * self.axis.scale.motor_resolution().as_m().abs() * self.model.mechanics.stiffness_n_per_m
+    }
+
+    /// The axis as far as it is known.
+    fn known(&self) -> Known {
+        let mut axis = *self.axis;
+        axis.plant = Parameters {
+            mechanics: self.model.mechanics,
+            friction: self.model.friction,
+            actuator: self.actuator,
+            effects: Effects::NONE,
+        };
+        let mechanics = &mut axis.plant.mechanics;
+        mechanics.inertia_kg_m2 =
+            self.model.motor_kg * mechanics.travel_per_rad_m() / mechanics.force_per_torque();
+        Known { axis, uncertainty: self.uncertainty }
     }
 
     fn stiffness(&mut self) -> Finding {
@@ -242,15 +301,26 @@ impl<'a> Work<'a> {
             return Finding::unknown("at least 3 reversals, or ramps against the motion before them");
         };
         self.model.mechanics.stiffness_n_per_m = mean;
+        self.uncertainty.stiffness_n_per_m = half / OF_95;
         let source = format!("{} wind-ups of the screw while the table stood", values.len());
         self.of_force(Estimate::within(1e-6 * mean, 1e-6 * half, "N/um", source)).into()
     }
 
-    fn reversals(&self) -> Vec<Comparison> {
+    fn reversals(&self) -> Option<Reversals> {
+        let plant = self.known().axis.plant;
+        let believed =
+            Believed { axis: self.axis, plant: &plant, ripple: &self.ripple, offset_n: self.offset_n };
+        let new = |stretch: &Stretch| Reversal::new(&self.measured, stretch, &believed);
+        let all = self.stretches.reversals.iter().filter_map(new).collect();
+        Reversals::new(all, self.measured.period_s)
+    }
+
+    fn comparisons(&self) -> Vec<Comparison> {
         let new = |stretch: &Stretch| Comparison::new(&self.measured, stretch, Start::Sliding);
         self.stretches.reversals.iter().filter_map(new).collect()
     }
 
+    /// Break-away forces, those of ramps with the sign of their way.
     fn breakaway(&self, reversals: &[Comparison]) -> Vec<f64> {
         let ramps = breakaway::of_ramps(
             &self.measured,
@@ -262,28 +332,34 @@ impl<'a> Work<'a> {
         if ramps.len() < VALUES_MIN { breakaway::of_reversals(reversals, &self.model) } else { ramps }
     }
 
-    fn breakaway_finding(&self, values: &[f64], reversals: usize) -> Finding {
-        let Some((mean, half)) = scatter(values) else {
-            return Finding::unknown("at least 3 slow ramps from rest, or reversals in motion");
+    fn breakaway_findings(&self, values: &[f64], reversals: usize, put: &mut impl FnMut(&str, Finding)) {
+        let is_of_ramps = self.stretches.ramps.len() >= VALUES_MIN;
+        let (count, what) = if is_of_ramps { (values.len(), "ramps") } else { (reversals, "reversals") };
+        let finding = |values: &[f64], more_n: f64, source: String| {
+            let (mean, half) = scatter(values)?;
+            let half_n = half.hypot(self.coarse_n());
+            Some(self.of_force(Estimate::within(mean + more_n, half_n, "N", source)).into())
         };
-        let of = if self.stretches.ramps.len() < VALUES_MIN { reversals } else { values.len() };
-        let what =
-            if of == reversals && self.stretches.ramps.len() < VALUES_MIN { "reversals" } else { "ramps" };
-        let coarse_n =
-            COUNTED * self.axis.scale.motor_resolution().as_m() * self.model.mechanics.stiffness_n_per_m;
-        let source = format!("{of} {what}");
-        self.of_force(Estimate::within(mean, half.hypot(coarse_n), "N", source)).into()
+        let needs = || Finding::unknown("at least 3 slow ramps from rest, or reversals in motion");
+        put("breakaway", finding(&sizes(values), 0.0, format!("{count} {what}")).unwrap_or_else(needs));
+        for (name, way) in [("breakaway_forward", 1.0), ("breakaway_backward", -1.0)] {
+            let of_way: Vec<f64> =
+                values.iter().map(|value| value * way).filter(|value| is_of_ramps && *value > 0.0).collect();
+            let source = format!("{} ramps, with the constant force of this way", of_way.len());
+            let needs = || Finding::unknown("at least 3 slow ramps of this way from rest");
+            put(name, finding(&of_way, way * self.offset_n, source).unwrap_or_else(needs));
+        }
     }
 
     fn sliding_findings(
         &self,
         sliding: Option<&Sliding>,
-        fall: Option<&Fall>,
+        fall: Option<&Search>,
         put: &mut impl FnMut(&str, Finding),
     ) {
-        let Some(Sliding { at_rest_n, viscous_n_s_per_m, offset_n, count }) = sliding else {
+        let Some(Sliding { at_rest_n, viscous_n_s_per_m, offset_n, of_way_n, count }) = sliding else {
             let needs = "runs at constant speeds of 1 mm/s and more, both ways, at least 4";
-            for name in ["sliding", "viscous", "constant_force"] {
+            for name in ["sliding", "sliding_forward", "sliding_backward", "viscous", "constant_force"] {
                 put(name, Finding::unknown(needs));
             }
             return;
@@ -291,27 +367,24 @@ impl<'a> Work<'a> {
         let source = || format!("{count} runs at constant speed");
         let sliding_n = self.model.friction.sliding.as_n();
         // The line goes through the end of the fall, which is not known to the last digit either.
-        let end_m_per_s = match fall {
-            Some(Fall { end_mm_per_s: (_, [low, high]), .. }) => 0.5e-3 * (high - low),
+        let end_m_per_s = match fall.and_then(Search::end_mm_per_s) {
+            Some(Told { ci95: [low, high], .. }) => 0.5e-3 * (high - low),
             None => self.model.friction.fall_end.as_m_per_s(),
         };
-        let half_n = at_rest_n[1].hypot(viscous_n_s_per_m[0] * end_m_per_s);
-        put("sliding", self.of_force(Estimate::within(sliding_n, half_n, "N", source())).into());
+        let rise_n = viscous_n_s_per_m[0] * end_m_per_s;
+        put(
+            "sliding",
+            self.of_force(Estimate::within(sliding_n, at_rest_n[1].hypot(rise_n), "N", source())).into(),
+        );
+        for (name, [value, half]) in ["sliding_forward", "sliding_backward"].into_iter().zip(*of_way_n) {
+            let value = sliding_n + value - at_rest_n[0];
+            let source = format!("{}, with the constant force of this way", source());
+            put(name, self.of_force(Estimate::within(value, half.hypot(rise_n), "N", source)).into());
+        }
         let [m, half] = viscous_n_s_per_m.map(|value| 1e-3 * value);
         put("viscous", self.of_force(Estimate::within(m, half, "N s/mm", source())).into());
         let offset = format!("{}; a constant force, or friction that differs by direction", source());
         put("constant_force", self.of_force(Estimate::within(offset_n[0], offset_n[1], "N", offset)).into());
-    }
-
-    /// What these methods do not tell, and the current loop.
-    fn rest_findings(&self, put: &mut impl FnMut(&str, Finding)) {
-        let apart = "the same log with a second load of known mass: only their sum moves";
-        put("mass", Finding::unknown(apart));
-        put("motor_inertia", Finding::unknown(apart));
-        put("damping", Finding::unknown("a frequency response around the resonance"));
-        let [lag, dead] = current_loop::findings(&self.measured, &self.stretches, self.axis);
-        put("current_loop", lag);
-        put("dead_time", dead);
     }
 
     /// The interval of a force is that of its scatter and of the torque constant.
@@ -319,7 +392,7 @@ impl<'a> Work<'a> {
         estimate.with_scale(self.settings.torque_constant_tolerance_percent, "torque constant")
     }
 
-    fn summary(&self, fall: Option<&Fall>, held_out: Option<[f64; 2]>) -> String {
+    fn summary(&self, falls: Option<&Falls>) -> String {
         let Stretches { steady, ramps, reversals, accelerations } = &self.stretches;
         let mut text = format!(
             "{} steady stretches, {} ramps, {} reversals, {} accelerations; {} rows left out",
@@ -329,34 +402,60 @@ impl<'a> Work<'a> {
             accelerations.len(),
             self.measured.left_out_rows
         );
-        if let Some(fall) = fall {
-            text += &format!("; the model leaves {:.1} N of a reversal below 15 Hz", fall.left_n);
-        }
-        if let Some([linear, nonlinear]) = held_out {
+        if let Some(falls) = falls {
+            let best = falls.best();
             text += &format!(
-                ", of reversals it has not seen {:.1} N with the nonlinear and {:.1} N with the linear variant",
-                nonlinear.sqrt(),
-                linear.sqrt()
+                "; the model leaves {:.1} N of the mean forces in a reversal, {:.1} of what its uncertainty makes, and \
+                 reversals it has not seen are e^{:.0} times as probable with the nonlinear variant as with the linear one",
+                best.left_n(),
+                best.misfit().sqrt(),
+                falls.odds()
             );
         }
         text
     }
 }
 
-fn fall_findings(fall: Option<&Fall>, reversals: usize, put: &mut impl FnMut(&str, Finding)) {
-    let names = ["fall_end", "fall_start"];
-    let Some(Fall { end_mm_per_s, start_mm_per_s, .. }) = fall else {
-        let needs = "at least 3 reversals in motion (500 mm/min), runs and ramps that tell sliding and break-away \
-                     force, and an encoder of 0.1 um or finer";
-        for name in names {
-            put(name, Finding::unknown(needs));
+/// What these methods do not tell.
+fn rest_findings(put: &mut impl FnMut(&str, Finding)) {
+    let apart = "the same log with a second load of known mass: only their sum moves";
+    put("mass", Finding::unknown(apart));
+    put("motor_inertia", Finding::unknown(apart));
+    put("damping", Finding::unknown("a frequency response around the resonance"));
+}
+
+fn fall_findings(fall: Option<&Search>, reversals: usize, put: &mut impl FnMut(&str, Finding)) {
+    let needs = match fall {
+        None => {
+            "at least 2 reversals in motion (500 mm/min), and runs and ramps that tell sliding and break-away force"
         }
-        return;
+        Some(fall) if !fall.is_explained() => {
+            "reversals that friction of this law explains: these it does not"
+        }
+        Some(fall) if fall.is_of(Variant::Linear) => {
+            "friction that falls as a parabola: this drops, and where it begins is where it ends"
+        }
+        Some(_) => {
+            "reversals and ramps with less noise, or a finer encoder: with these many values are likely"
+        }
     };
-    for (name, (value, ci95)) in names.into_iter().zip([*end_mm_per_s, *start_mm_per_s]) {
-        let source = format!("{reversals} reversals");
-        put(name, Estimate { value, ci95, unit: "mm/s", source }.into());
+    let told = [
+        ("fall_end", fall.and_then(Search::end_mm_per_s)),
+        ("fall_start", fall.and_then(Search::start_mm_per_s)),
+    ];
+    for (name, told) in told {
+        let source = format!("{reversals} reversals, simulated with what else was found");
+        let finding = told.map_or_else(
+            || Finding::unknown(needs),
+            |Told { value, ci95 }| Estimate { value, ci95, unit: "mm/s", source }.into(),
+        );
+        put(name, finding);
     }
+}
+
+/// Values without the sign of their way.
+fn sizes(values: &[f64]) -> Vec<f64> {
+    values.iter().map(|value| value.abs()).collect()
 }
 
 /// Mean of values and half its 95 % interval, from their scatter.

@@ -33,6 +33,10 @@ pub struct Piece {
     pub first_cycle: u64,
     /// Motion that each row belongs to.
     pub motion: Vec<u32>,
+    /// Gain set that acts.
+    pub gain_set: Vec<u8>,
+    /// Wanted position, m.
+    pub setpoint_m: Vec<f64>,
     /// Wanted velocity, m/s.
     pub setpoint_m_per_s: Vec<f64>,
     /// Motor, m.
@@ -105,11 +109,6 @@ impl Measured {
         CUTOFF_HZ[0]
     }
 
-    /// Whether the encoder is fine enough for the highest cut-off.
-    pub fn is_fine(&self) -> bool {
-        self.cutoff_hz >= CUTOFF_HZ[1]
-    }
-
     /// Rows in a time.
     pub fn rows(&self, time_s: f64) -> usize {
         (time_s / self.period_s).round() as usize
@@ -147,6 +146,8 @@ fn piece(
     Piece {
         first_cycle: trace.cycle[rows.start],
         motion: trace.motion[rows.clone()].to_vec(),
+        gain_set: axis.gain_set[rows.clone()].to_vec(),
+        setpoint_m: axis.setpoint_position_m[rows.clone()].to_vec(),
         setpoint_m_per_s: axis.setpoint_velocity_m_per_s[rows.clone()].to_vec(),
         current_command_a: axis.current_command_a[rows].to_vec(),
         position_m,

@@ -39,6 +39,8 @@ pub struct Sliding {
     pub viscous_n_s_per_m: [f64; 2],
     /// `F_0`, N.
     pub offset_n: [f64; 2],
+    /// Force at rest that each way takes, forwards and backwards, `F_0` in it, N.
+    pub of_way_n: [[f64; 2]; 2],
     /// How many stretches.
     pub count: usize,
 }
@@ -98,12 +100,18 @@ pub fn fit(points: &[SteadyPoint], slowest_m_per_s: f64) -> Result<Sliding, FitE
         })
         .collect::<Result<_, _>>()?;
     let count = speeds.len() as f64;
-    let pair = |k: usize| {
-        let mean = without.iter().map(|line| line[k]).sum::<f64>() / count;
-        let square = without.iter().map(|line| (line[k] - mean).powi(2)).sum::<f64>();
-        [coefficients[k], student95(count - 1.0) * ((count - 1.0) / count * square).sqrt()]
+    let told = |of: &dyn Fn(&[f64; 3]) -> f64| {
+        let mean = without.iter().map(of).sum::<f64>() / count;
+        let square = without.iter().map(|line| (of(line) - mean).powi(2)).sum::<f64>();
+        [of(&coefficients), student95(count - 1.0) * ((count - 1.0) / count * square).sqrt()]
     };
-    Ok(Sliding { at_rest_n: pair(0), viscous_n_s_per_m: pair(1), offset_n: pair(2), count: points.len() })
+    Ok(Sliding {
+        at_rest_n: told(&|line| line[0]),
+        viscous_n_s_per_m: told(&|line| line[1]),
+        offset_n: told(&|line| line[2]),
+        of_way_n: [told(&|line| line[0] + line[2]), told(&|line| line[0] - line[2])],
+        count: points.len(),
+    })
 }
 
 /// Whether two runs were made at one speed.
@@ -131,4 +139,33 @@ fn line(points: &[&SteadyPoint]) -> Result<[f64; 3], FitError> {
     ];
     let fit = least_squares::fit(&columns, &column(|point| point.force_n), 0)?;
     Ok([fit.coefficients[0], fit.coefficients[1], fit.coefficients[2]])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_way_is_told_for_itself() {
+        // Forwards 40 N more than backwards, each with a little error of its own.
+        let point = |(number, mm_per_s): (usize, f64)| {
+            let error_n = [0.3, -0.2, -0.3, 0.4, -0.1, 0.2, -0.4, 0.1][number % 8];
+            let level_n = if mm_per_s > 0.0 { 920.0 } else { -880.0 };
+            SteadyPoint { velocity_m_per_s: 1e-3 * mm_per_s, force_n: level_n + 0.5 * mm_per_s + error_n }
+        };
+        let speeds = [1.0, -1.0, 2.0, -2.0, 5.0, -5.0, 10.0, -10.0, 50.0, -50.0];
+        let points: Vec<SteadyPoint> = speeds.into_iter().enumerate().map(point).collect();
+        let sliding = fit(&points, 0.9e-3).expect("a line");
+        let truths = [
+            (sliding.at_rest_n, 900.0),
+            (sliding.offset_n, 20.0),
+            (sliding.of_way_n[0], 920.0),
+            (sliding.of_way_n[1], 880.0),
+            (sliding.viscous_n_s_per_m, 500.0),
+        ];
+        for ([value, half], truth) in truths {
+            assert!((value - truth).abs() <= half, "{value} ± {half}, truth {truth}");
+            assert!(half < 0.05 * truth, "{value} ± {half} says nothing");
+        }
+    }
 }

@@ -6,12 +6,13 @@
 //! ```
 //!
 //! Forces come from torques by the torque constant and the efficiency of the machine file, and are wrong as those
-//! are; so is the mass. What the estimate of the velocity does is known: it is our own.
+//! are; so is the mass. What the estimate of the velocity does is known: it is our own. Viscous friction turns the
+//! lowest lines as an age of the encoders would, the other way; it is taken as the machine has it.
 //! Invariant: what the lines do not tell within half of its value is not told at all.
 
-use std::f64::consts::TAU;
+use std::f64::consts::{SQRT_2, TAU};
 
-use nalgebra::{Complex, DVector};
+use nalgebra::{Complex, DMatrix, DVector};
 
 use super::descent::{Descent, fit};
 use super::spectra::{Observed, Spectrum};
@@ -21,7 +22,7 @@ use crate::config::machine::Axis;
 use crate::offline::identify::least_squares::student95;
 use crate::offline::identify::{AxisFindings, Estimate, Finding};
 use crate::offline::loops::hold;
-use crate::plant::response::{delay, motor_speed_per_torque};
+use crate::plant::response::{delay, sliding_speed_per_torque};
 use crate::plant::{Actuator, Mechanics, Parameters};
 
 /// Error of the models themselves, as a share: images of the spectrum around the sampling rate. With 0.1 % the
@@ -78,8 +79,7 @@ pub(super) fn find(machine: &Machine, observed: &Observed) -> AxisFindings {
     let delay = told(|found| found.delay_s * 1e6, "us", Bound::Most(KNOWN_S * 1e6));
     findings.insert("command_delay".to_owned(), delay);
 
-    let actuator = current_loop.as_ref().map(|found| CurrentLoop::of(&found.parameters));
-    let mechanics = actuator.and_then(|actuator| data.mechanics(actuator));
+    let mechanics = current_loop.as_ref().and_then(|found| data.mechanics(found));
     let source = data.source(&format!(
         "current command to speed, torque constant {} N m/A, efficiency {}",
         axis.control.axis.actuator.torque_constant_nm_per_a, axis.control.axis.mechanics.efficiency
@@ -177,7 +177,9 @@ impl Data<'_> {
             .filter(|((hz, _), _)| **hz <= highest_hz)
             .map(|((hz, line), scatter)| {
                 let response = measured(line);
-                (TAU * hz, response, (scatter / response.norm()).hypot(MODEL_STD))
+                // The scatter is that of both parts of a complex number together.
+                let of_part = scatter / (SQRT_2 * response.norm());
+                (TAU * hz, response, of_part.hypot(MODEL_STD))
             })
             .collect();
         let residuals = |at: &DVector<f64>| {
@@ -200,18 +202,40 @@ impl Data<'_> {
         self.fit(Spectrum::actuator, model, start)
     }
 
-    fn mechanics(&self, current_loop: CurrentLoop) -> Option<Descent> {
+    /// Motor, table and screw, as unsure as the lines and the current loop leave them.
+    fn mechanics(&self, current_loop: &Descent) -> Option<Descent> {
+        let mut found = self.mechanics_behind(&current_loop.parameters, self.nominal())?;
+        let moved = (0..current_loop.parameters.len()).map(|place| {
+            let std = current_loop.covariance[(place, place)].sqrt();
+            let mut other = current_loop.parameters.clone();
+            other[place] += std;
+            let beside = self.mechanics_behind(&other, found.parameters.clone())?;
+            Some((beside.parameters - &found.parameters) / std)
+        });
+        let moved = DMatrix::from_columns(&moved.collect::<Option<Vec<_>>>()?);
+        found.covariance += &moved * &current_loop.covariance * moved.transpose();
+        Some(found)
+    }
+
+    /// The parameters of [`swinging`] as the machine file has them.
+    fn nominal(&self) -> DVector<f64> {
         let axis = self.axis;
         let nominal = axis.control.axis.mechanics;
         let total = nominal.total_inertia_kg_m2();
         let of_table = total - nominal.inertia_kg_m2;
-        let start = [
+        DVector::from_vec(vec![
             total.ln(),
             (nominal.inertia_kg_m2 / of_table).ln(),
             nominal.stiffness_n_per_m.ln(),
             nominal.damping_n_s_per_m.max(1.0).ln(),
             axis.feedback_latency.as_s() * 1e3,
-        ];
+        ])
+    }
+
+    /// Motor, table and screw behind a current loop that is known.
+    fn mechanics_behind(&self, current_loop: &DVector<f64>, start: DVector<f64>) -> Option<Descent> {
+        let (axis, current_loop) = (self.axis, CurrentLoop::of(current_loop));
+        let nominal = axis.control.axis.mechanics;
         let actuator = Actuator {
             current_loop_hz: current_loop.hz,
             dead_time: Span::ZERO,
@@ -222,8 +246,8 @@ impl Data<'_> {
             let candidate = Parameters { mechanics: swinging(axis, at), actuator, ..axis.control.axis };
             let waits = delay(current_loop.delay_s + at[4] * 1e-3, omega) * hold(self.tick.as_s(), omega);
             let seen = axis.velocity_estimate.response(self.tick, omega);
-            motor_speed_per_torque(&candidate, omega) * waits * seen * (per_a * m_per_rad)
+            sliding_speed_per_torque(&candidate, omega) * waits * seen * (per_a * m_per_rad)
         };
-        self.fit(Spectrum::plant, model, DVector::from_vec(start.to_vec()))
+        self.fit(Spectrum::plant, model, start)
     }
 }

@@ -97,7 +97,8 @@ impl Observed {
         mean
     }
 
-    /// Standard deviation of the mean of a response, by line: how the answers of the periods scatter.
+    /// Standard deviation of the mean of a response, by line: how the answers of the periods scatter, in both parts
+    /// of a complex number together.
     pub fn scatter(&self, of: impl Fn(&Spectrum) -> Complex<f64>) -> Vec<f64> {
         let mean = self.mean();
         let count = self.periods.len() as f64;

@@ -1,0 +1,173 @@
+//! A reversal of a log, and the same reversal as the shipped loops make it of another axis.
+//!
+//! What the log commanded is commanded again, from the same place and speed, with the same gains, encoder and
+//! delays ([`InLoop`]). Compared is the current that was asked for, as a force at the table: the loops make it of
+//! encoder counts and setpoints alone, so it is without the noise of a current measurement. Friction is that of the
+//! place: the sliding at both ends of the reversal and the ripple of the screw tell how much it is there.
+//! Units: SI, N at the table, positive along the motion before the reversal.
+//! Invariant: both reversals are looked at in the same rows, by the same [`signature`].
+
+use std::ops::Range;
+
+use super::super::measured::Measured;
+use super::super::ripple::Ripple;
+use super::super::stretches::Stretch;
+use super::signature::{Signature, signature};
+use crate::base::setpoint::Setpoint;
+use crate::base::units::{Acceleration, Position, Velocity};
+use crate::config::machine::Axis;
+use crate::offline::in_loop::InLoop;
+use crate::plant::friction::Law;
+use crate::plant::{Parameters, Plant};
+
+/// Before the rows of a stretch, for what is left of the beginning to fade, s.
+const SETTLE_S: f64 = 0.25;
+/// Slower than this the axis does not surely slide before it, m/s.
+const SLIDES_M_PER_S: f64 = 1.5e-3;
+/// The sliding at either end of a stretch that tells the friction of its place, s.
+const ENDS_S: f64 = 0.05;
+/// Friction does not differ by more along a screw, as a factor.
+const FACTOR_MAX: f64 = 1.3;
+/// Sixteenths of a stretch that are looked at: what goes before and comes after is sliding.
+const LOOKED_AT: Range<usize> = 3..14;
+
+/// What of an axis a log of it is looked at with.
+#[derive(Clone, Copy, Debug)]
+pub struct Believed<'a> {
+    /// Of the log.
+    pub axis: &'a Axis,
+    /// As far as it is known, its falling part left aside.
+    pub plant: &'a Parameters,
+    /// How friction varies along the screw.
+    pub ripple: &'a Ripple,
+    /// What the current holds both ways alike, N.
+    pub offset_n: f64,
+}
+
+/// A reversal of a log.
+#[derive(Clone, Debug)]
+pub struct Reversal {
+    /// Of each row from the first.
+    setpoints: Vec<Setpoint>,
+    gain_set: u8,
+    /// The motor in the first row.
+    position: Position,
+    velocity: Velocity,
+    /// Rows of the stretch, and those of it that are looked at.
+    stretch: Range<usize>,
+    seen: Range<usize>,
+    /// Asked for in the log, of each row, N.
+    asked_n: Vec<f64>,
+    /// Friction where the axis reverses, as a multiple of its mean.
+    factor: f64,
+    newtons_per_a: f64,
+}
+
+impl Reversal {
+    /// A stretch with the sliding before it; `None` where that is too short.
+    pub fn new(measured: &Measured, stretch: &Stretch, believed: &Believed<'_>) -> Option<Self> {
+        let piece = &measured.pieces[stretch.piece];
+        let control = &believed.axis.control;
+        // It begins with a tick of the position loop.
+        let settled = stretch.rows.start.checked_sub(measured.rows(SETTLE_S))?;
+        let cycle = piece.first_cycle + settled as u64;
+        let first = settled.checked_sub((cycle % u64::from(control.position_every)) as usize)?;
+        let rows = first..stretch.rows.end;
+        let velocity = piece.velocity_m_per_s[first];
+        let slides = |row: usize| piece.velocity_m_per_s[row] * velocity.signum() > SLIDES_M_PER_S;
+        let gain_set = piece.gain_set[first];
+        let is_whole = (first..stretch.rows.start).all(slides)
+            && rows.clone().all(|row| piece.gain_set[row] == gain_set)
+            && gain_set < control.gain_set_count;
+        if !is_whole {
+            return None;
+        }
+        let setpoint = |row: usize| Setpoint {
+            position: Position::m(piece.setpoint_m[row]),
+            velocity: Velocity::m_per_s(piece.setpoint_m_per_s[row]),
+            acceleration: Acceleration::ZERO,
+        };
+        let newtons_per_a = believed.plant.actuator.torque_constant_nm_per_a
+            * believed.plant.mechanics.force_per_torque()
+            * velocity.signum();
+        let offset_n = believed.offset_n * velocity.signum();
+        let asked_n = |row: usize| piece.current_command_a[row] * newtons_per_a - offset_n;
+        let sixteenth = |number: usize| (stretch.rows.start - first) + number * stretch.rows.len() / 16;
+        Some(Self {
+            setpoints: rows.clone().map(setpoint).collect(),
+            gain_set,
+            position: Position::m(piece.position_m[first]),
+            velocity: Velocity::m_per_s(velocity),
+            stretch: stretch.rows.start - first..rows.len(),
+            seen: sixteenth(LOOKED_AT.start)..sixteenth(LOOKED_AT.end),
+            asked_n: rows.map(asked_n).collect(),
+            factor: factor(measured, stretch, believed, asked_n),
+            newtons_per_a,
+        })
+    }
+
+    /// How it looks in the log.
+    pub fn signature(&self, period_s: f64) -> Signature {
+        signature(&self.asked_n[self.seen.clone()], period_s)
+    }
+
+    /// How it looks of an axis whose motor is a share of a count, -0.5 to 0.5, beside the place of the first row.
+    pub fn simulated(&self, axis: &Axis, count: f64) -> Signature {
+        signature(&self.simulated_n(axis, count, self.seen.end)[self.seen.clone()], axis.control.tick.as_s())
+    }
+
+    /// Asked for by the loops of an axis in the first so many rows, N.
+    fn simulated_n(&self, axis: &Axis, count: f64, rows: usize) -> Vec<f64> {
+        let mut axis = *axis;
+        axis.plant.friction = axis.plant.friction.scaled(self.factor);
+        let start = self.position + axis.scale.motor_resolution() * count;
+        let plant = Plant::sliding(&axis.plant, axis.control.tick, self.velocity, start);
+        let gains = axis.control.gain_sets[usize::from(self.gain_set)];
+        let mut run = InLoop::sliding(&axis, plant, start, self.velocity, &gains);
+        let every = axis.control.position_every as usize;
+        let row = |(row, setpoint): (usize, &Setpoint)| {
+            run.tick(setpoint, row.is_multiple_of(every));
+            run.asked().as_a() * self.newtons_per_a
+        };
+        self.setpoints[..rows].iter().enumerate().map(row).collect()
+    }
+
+    /// The whole stretch: time in s, asked for in the log and of an axis, N.
+    pub fn beside(&self, axis: &Axis) -> Vec<[f64; 3]> {
+        let simulated_n = self.simulated_n(axis, 0.0, self.stretch.end);
+        let time_s = |row: usize| (row - self.stretch.start) as f64 * axis.control.tick.as_s();
+        self.stretch.clone().map(|row| [time_s(row), self.asked_n[row], simulated_n[row]]).collect()
+    }
+}
+
+/// Friction where the axis reverses, as a multiple of its mean: what it is at both ends, and the ripple from there.
+fn factor(
+    measured: &Measured,
+    stretch: &Stretch,
+    Believed { plant, ripple, .. }: &Believed<'_>,
+    asked_n: impl Fn(usize) -> f64,
+) -> f64 {
+    let piece = &measured.pieces[stretch.piece];
+    let rows = measured.rows(ENDS_S).clamp(1, stretch.rows.len() / 2);
+    let Range { start, end } = stretch.rows;
+    let law = Law::new(plant.friction);
+    let moving_kg = plant.mechanics.motor_mass_kg() + plant.mechanics.mass_kg;
+    let before = piece.velocity_m_per_s[start].signum();
+    let of_ripple =
+        |row: usize, way: f64| ripple.factor(piece.position_m[row], way, plant.friction.sliding.as_n());
+    let found_n = |row: usize| asked_n(row) - before * moving_kg * piece.acceleration_m_per_s2[row];
+    let believed_n = |row: usize| {
+        let velocity = Velocity::m_per_s(piece.velocity_m_per_s[row]);
+        before * law.sliding(velocity).as_n() * of_ripple(row, velocity.as_m_per_s().signum())
+    };
+    let apart = |of: &dyn Fn(usize) -> f64| {
+        (start..start + rows).map(of).sum::<f64>() - (end - rows..end).map(of).sum::<f64>()
+    };
+    // Both ways at the farthest place.
+    let turned = (start..end)
+        .max_by(|a, b| (before * piece.position_m[*a]).total_cmp(&(before * piece.position_m[*b])))
+        .unwrap_or(start);
+    let here = 0.5 * (of_ripple(turned, 1.0) + of_ripple(turned, -1.0));
+    let factor = apart(&found_n) / apart(&believed_n) * here;
+    if (1.0 / FACTOR_MAX..FACTOR_MAX).contains(&factor) { factor } else { 1.0 }
+}

@@ -1,0 +1,124 @@
+//! A case as it is made: its severity, its files, and the same again from the same seed.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use hidden::case::Bench;
+use hidden::effect::{Effect, Kind, Shape, What, features_of};
+use hidden::machine::Machine;
+use hidden::path::Motion;
+use hidden::plan::{Choice, Plan, Role, Severity, list};
+use hidden::session::Session;
+use hidden::severity::{STEPS, Visible, Yardstick};
+
+/// A machine of the known answers behind real sensors, with two short circles: one to fit and one to judge by.
+fn machine() -> Machine {
+    let mut machine = Machine::drawn(6);
+    machine.runs.retain(|run| run.name.starts_with("circle-r20") || run.name.starts_with("heldout-r8"));
+    machine.runs.remove(0);
+    assert_eq!(machine.runs.len(), 2);
+    for run in &mut machine.runs {
+        if let Motion::Circle { laps, .. } = &mut run.motion {
+            *laps = 1;
+        }
+    }
+    machine
+}
+
+#[test]
+fn severity_is_what_base_parameters_cannot_explain() {
+    let machine = machine();
+    let stick = Yardstick::new(&machine);
+    let visible = Visible { has_table: true, runs: vec![true; 2] };
+    let base = Session::quiet(&machine, Default::default(), STEPS);
+    assert_eq!(stick.severity(&base.run(), &visible), 0.0, "nothing is missing");
+
+    let shape = Shape { choices: [0.1; 4], phase: 0.7, sign: 1.0 };
+    let backlash = |amplitude: f64, visible: &Visible| {
+        let effect = Effect { what: What::Named(Kind::Backlash), axis: 0, shape, amplitude };
+        stick.severity(&Session { features: features_of(&[effect], &machine), ..base.clone() }.run(), visible)
+    };
+    let (one, two) = (backlash(0.1, &visible), backlash(0.2, &visible));
+    assert!((1.8..2.2).contains(&(two / one)), "1 um has {one}, 2 um have {two}");
+    let blind = backlash(0.2, &Visible { has_table: false, ..visible.clone() });
+    assert!(blind < two, "{blind} without a scale, {two} with it");
+
+    // A parameter that the oracle may fit: two per cent of the friction are next to nothing, without it they are not.
+    let mut changed = machine.clone();
+    for axis in &mut changed.axes {
+        axis.plant.sliding *= 1.02;
+        axis.plant.breakaway *= 1.02;
+    }
+    let left = stick.severity(&Session { machine: &changed, ..base.clone() }.run(), &visible);
+    let unfitted = Visible { runs: vec![false, true], ..visible };
+    let whole = stick.severity(&Session { machine: &changed, ..base.clone() }.run(), &unfitted);
+    assert!(left < 0.3 * whole, "{left} with the run to fit, {whole} without it");
+}
+
+fn files(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
+    let entries = fs::read_dir(folder).expect("a folder");
+    let mut files: Vec<PathBuf> = entries.map(|entry| entry.expect("an entry").path()).collect();
+    files.sort();
+    files
+        .into_iter()
+        .map(|path| (path.file_name().expect("a name").into(), fs::read(&path).expect("a file")))
+        .collect()
+}
+
+#[test]
+fn a_case_meets_its_severity_and_is_the_same_again() {
+    let bench = Bench::of(machine());
+    let plan = Plan {
+        id: "made".to_owned(),
+        seed: 7,
+        machine: 6,
+        role: Role::Single,
+        what: vec![What::Named(Kind::Backlash)],
+        severity: Some(Severity::Medium),
+    };
+    let folder = std::env::temp_dir().join(format!("hidden-cases-{}", std::process::id()));
+    let [first, second] = ["first", "second"].map(|name| {
+        let folder = folder.join(name);
+        let truth = bench.make(&plan, &folder).expect("files are written").expect("backlash is to be seen");
+        assert!((30.0..=60.0).contains(&truth.d_prime), "d' {} is not medium", truth.d_prime);
+        files(&folder.join("made"))
+    });
+    fs::remove_dir_all(&folder).expect("the folder goes away");
+    assert!(first == second, "the same plan gives other bytes");
+    let text = |name: &str| {
+        let file = first.iter().find(|(path, _)| path.to_string_lossy().starts_with(name));
+        String::from_utf8_lossy(&file.unwrap_or_else(|| panic!("no {name}")).1).into_owned()
+    };
+    assert!(text("machine.toml").contains("\nbacklash-um = 0.0\n"), "the machine file knows of no backlash");
+    let rows = text("heldout");
+    let (head, first_row) = (rows.lines().next().unwrap_or(""), rows.lines().nth(1).unwrap_or(""));
+    assert!(head.starts_with("t_s,x.setpoint_mm,x.position_mm,x."), "{head}");
+    assert!(
+        head.ends_with("current_a,y.setpoint_mm,y.position_mm,y.current_a") || head.contains("y.table_mm")
+    );
+    assert_eq!(head.split(',').count(), first_row.split(',').count());
+}
+
+#[test]
+fn a_share_has_every_name_and_every_severity_in_it() {
+    let choice = |share| Choice {
+        seed: 1,
+        machines: 6,
+        only: None,
+        severity: None,
+        nulls: 300,
+        pairs: 60,
+        unknown: 48,
+        decoys: 30,
+        share,
+    };
+    let (all, fifth) = (list(&choice(1)), list(&choice(5)));
+    assert!(fifth.iter().all(|plan| all.contains(plan)), "a share has cases of its own");
+    assert!(all.len().abs_diff(5 * fifth.len()) <= 50, "{} of {} is no fifth", fifth.len(), all.len());
+    for (kind, name) in hidden::effect::NAMES {
+        let of_kind =
+            fifth.iter().filter(|plan| plan.role == Role::Single && plan.what == [What::Named(*kind)]);
+        let severities: Vec<Severity> = of_kind.filter_map(|plan| plan.severity).collect();
+        assert!(severities.len() >= 3, "{name} is {} times in a fifth", severities.len());
+    }
+}
