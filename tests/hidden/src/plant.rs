@@ -93,6 +93,10 @@ pub struct Sensors {
     pub motor_count: f64,
     /// One count of the table scale, m.
     pub table_count: f64,
+    /// What the table scale adds to the place: mounting, air, vibration; m rms.
+    pub table_noise: f64,
+    /// Its correlation time, s.
+    pub table_noise_time: f64,
     /// Current that is measured but does not flow, A rms.
     pub current_noise: f64,
     /// Its correlation time, s.
@@ -109,6 +113,8 @@ pub struct Sensors {
 pub const IDEAL: Sensors = Sensors {
     motor_count: 0.0,
     table_count: 0.0,
+    table_noise: 0.0,
+    table_noise_time: 1e-2,
     current_noise: 0.0,
     current_noise_time: 1e-3,
     torque_noise: 0.0,

@@ -94,6 +94,7 @@ struct Station {
     commands: Vec<f64>,
     torque_noise: Coloured,
     current_noise: Coloured,
+    table_noise: Coloured,
     /// Where the scale's head is in its play.
     head: f64,
 }
@@ -110,6 +111,7 @@ impl Station {
         let AxisDesign { plant, control, sensors } = design;
         let delay = control.delay + features.motor.delay;
         Self {
+            table_noise: Coloured::new(sensors.table_noise, sensors.table_noise_time, source),
             // The loop has come to rest: it is the reading that is at the setpoint.
             axis: Axis::new(plant, features, place - features.reading.motor_error(place), t),
             controller: Controller::new(
@@ -210,11 +212,12 @@ pub fn run(
 fn latch(station: &mut Station, reading: &mut Reading, others: [f64; 2], source: Option<&mut Random>) {
     let state = *station.axis.state();
     let (sensors, errors) = (&station.sensors, &station.features.reading);
-    let (mut late, mut noise, mut counts) = (0.0, 0.0, [0.0; 2]);
+    let (mut late, mut noise, mut shake, mut counts) = (0.0, 0.0, 0.0, [0.0; 2]);
     if let Some(source) = source {
         let jitter: f64 = StandardNormal.sample(source);
         late = sensors.latch_jitter * jitter;
         noise = station.current_noise.next(source);
+        shake = station.table_noise.next(source);
         counts = [sensors.motor_count, sensors.table_count];
     }
     let motor = state[MOTOR] + late * state[MOTOR_SPEED];
@@ -229,7 +232,7 @@ fn latch(station: &mut Station, reading: &mut Reading, others: [f64; 2], source:
     let [other_place, other_force] = others;
     table += errors.squareness * other_place + errors.tilt * other_force;
     reading.position = counted(position, counts[0]);
-    reading.table = counted(table, counts[1]);
+    reading.table = counted(table + shake, counts[1]);
     reading.current = state[CURRENT] * (1.0 + errors.current_gain) + noise;
 }
 

@@ -34,14 +34,15 @@ fn severity_is_what_base_parameters_cannot_explain() {
     assert_eq!(stick.severity(&base.run(), &visible), 0.0, "nothing is missing");
 
     let shape = Shape { choices: [0.1; 4], phase: 0.7, sign: 1.0 };
-    let backlash = |amplitude: f64, visible: &Visible| {
-        let effect = Effect { what: What::Named(Kind::Backlash), axis: 0, shape, amplitude };
+    let severity = |kind: Kind, amplitude: f64, visible: &Visible| {
+        let effect = Effect { what: What::Named(kind), axis: 0, shape, amplitude };
         stick.severity(&Session { features: features_of(&[effect], &machine), ..base.clone() }.run(), visible)
     };
-    let (one, two) = (backlash(0.1, &visible), backlash(0.2, &visible));
+    let (one, two) = (severity(Kind::Backlash, 0.1, &visible), severity(Kind::Backlash, 0.2, &visible));
     assert!((1.8..2.2).contains(&(two / one)), "1 um has {one}, 2 um have {two}");
-    let blind = backlash(0.2, &Visible { has_table: false, ..visible.clone() });
-    assert!(blind < two, "{blind} without a scale, {two} with it");
+    let blind = Visible { has_table: false, ..visible.clone() };
+    let [seen, unseen] = [&visible, &blind].map(|visible| severity(Kind::Squareness, 1.0, visible));
+    assert!(seen > 1.0 && unseen == 0.0, "squareness has {seen} with a scale, {unseen} without");
 
     // A parameter that the oracle may fit: two per cent of the friction are next to nothing, without it they are not.
     let mut changed = machine.clone();

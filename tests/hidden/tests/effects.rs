@@ -45,7 +45,7 @@ fn effect(what: What, amplitude: f64, choice: f64) -> Effect {
 fn set(effect: &Effect) -> ([Features; 2], f64) {
     let mut features = [Features::default(); 2];
     let keys = effect.set(&machine(), &mut features);
-    let first = ["n", "mm", "um", "percent", "ms", "a", "m", "m2", "kn", "hz"];
+    let first = ["n", "mm", "um", "percent", "us", "ms", "a", "m", "m2", "kn", "hz"];
     let is_size = |key: &str| first.iter().any(|unit| key.ends_with(&format!("-{unit}")));
     let size = keys.iter().filter(|(key, _)| is_size(key)).find_map(|(_, value)| value.as_f64());
     (features, size.unwrap_or(f64::NAN))
@@ -266,13 +266,13 @@ fn a_delay_and_a_lag_come_before_anything_moves() {
     let at_rest = vec![Row::default(); 200];
     let begin = first_difference(&base, &at_rest);
     let (features, size) = set(&named(Kind::ActuatorDelay, 2.0));
-    assert_eq!(size, 1.0);
+    assert_eq!(size, 1000.0);
     let late = first_difference(&rows(sweep(SPEED), &features, 200), &at_rest);
     assert_eq!(late, begin + 2, "a delay of 1 ms is two periods");
     let (features, size) = set(&named(Kind::CurrentLoopLag, 2.0));
     let lagging = rows(sweep(SPEED), &features, 200);
     // Half a millisecond after a step: one pole of the current loop against two.
-    let [fast, slow] = [TAU * 300.0, 1e3 / size];
+    let [fast, slow] = [TAU * 300.0, 1e6 / size];
     let one = 1.0 - (-fast * 5e-4_f64).exp();
     let two = 1.0 - (fast * (-slow * 5e-4_f64).exp() - slow * (-fast * 5e-4_f64).exp()) / (fast - slow);
     let share = lagging[begin][0].current / base[begin][0].current;

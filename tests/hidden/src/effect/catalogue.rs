@@ -126,20 +126,20 @@ impl Kind {
             }
             Self::QuadraticDrag => {
                 rubbing.quadratic = size * 0.2 * plant.sliding / 0.01;
-                keys.add("quadratic-n-s2-per-m2", rubbing.quadratic);
+                keys.add("drag-n-s2-per-m2", rubbing.quadratic);
             }
             Self::Stribeck => {
                 rubbing.stribeck = size * 0.3 * plant.sliding;
                 // Clear of the fall that the file has.
                 rubbing.stribeck_speed = shape.between(0, 2.0, 8.0) * plant.fall_end.max(0.5e-3);
                 rubbing.stribeck_shape = shape.pick(1, &[2, 1, 0]);
-                keys.add("excess-n", rubbing.stribeck);
+                keys.add("extra-n", rubbing.stribeck);
                 keys.add("velocity-mm-per-s", rubbing.stribeck_speed * 1e3);
                 keys.choose("law", shape.pick(1, &["gauss", "exponential", "lorentz"]));
             }
             Self::Presliding => {
                 rubbing.presliding = size * 10e-6;
-                keys.add("travel-um", rubbing.presliding * UM);
+                keys.add("way-um", rubbing.presliding * UM);
             }
             Self::DirectionAsymmetry => {
                 rubbing.asymmetry = shape.sign * size * 0.15;
@@ -150,7 +150,7 @@ impl Kind {
                 match shape.pick(0, &["slope", "wave", "bump"]) {
                     "slope" => {
                         rubbing.place_slope = shape.sign * share / REACH;
-                        keys.add("slope-percent-per-mm", rubbing.place_slope * 0.1);
+                        keys.add("slope-percent-per-m", rubbing.place_slope * 100.0);
                     }
                     "wave" => {
                         let length = shape.between(1, 15e-3, 40e-3);
@@ -175,21 +175,21 @@ impl Kind {
             Self::FrictionWarmUp => {
                 let time = shape.between(0, 20.0, 80.0);
                 rubbing.warm = Growth { amplitude: size * 0.3, time };
-                keys.add("loss-percent", rubbing.warm.amplitude * 100.0);
-                keys.add("time-s", time);
+                keys.add("drop-percent", rubbing.warm.amplitude * 100.0);
+                keys.add("time-constant-s", time);
             }
             Self::ScrewRipple => {
                 let order = shape.pick(0, &[1.0, 1.0, 2.0]);
                 rubbing.ripple[0] = wave(size * 0.15, order, shape);
-                keys.add("ripple-percent", size * 15.0);
-                keys.add("order", order);
+                keys.add("share-percent", size * 15.0);
+                keys.add("periods-per-turn", order);
             }
             _ => {
                 // Balls that pass: no whole number in a turn.
                 let order = shape.pick(0, &[2.0, 3.0, 4.0, 6.0, 8.0]) + 0.25 + 0.5 * shape.choices[1];
                 rubbing.ripple[1] = wave(size * 0.04, order, shape);
-                keys.add("ripple-percent", size * 4.0);
-                keys.add("order", order);
+                keys.add("share-percent", size * 4.0);
+                keys.add("periods-per-turn", order);
             }
         }
     }
@@ -202,14 +202,14 @@ impl Kind {
                 let torque = size * 0.05 * friction_torque(plant);
                 motor.cogging = [wave(torque, order, shape), wave(0.4 * torque, 2.0 * order, shape)];
                 keys.add("torque-nm", torque);
-                keys.add("order", order);
+                keys.add("periods-per-turn", order);
                 keys.add("second-torque-nm", 0.4 * torque);
             }
             Self::TorqueRipple => {
                 let order = shape.pick(0, &[6.0, 8.0, 12.0, 18.0, 24.0]);
                 motor.ripple = wave(size * 0.03, order, shape);
-                keys.add("ripple-percent", size * 3.0);
-                keys.add("order", order);
+                keys.add("share-percent", size * 3.0);
+                keys.add("periods-per-turn", order);
             }
             Self::TorqueSaturation => {
                 // Measured by the current of a brisk acceleration.
@@ -226,11 +226,11 @@ impl Kind {
             }
             Self::ActuatorDelay => {
                 motor.delay = size * 0.5e-3;
-                keys.add("delay-ms", motor.delay * 1e3);
+                keys.add("delay-us", motor.delay * UM);
             }
             _ => {
                 motor.lag = size * 0.5e-3;
-                keys.add("lag-ms", motor.lag * 1e3);
+                keys.add("lag-us", motor.lag * UM);
             }
         }
     }
@@ -246,37 +246,37 @@ impl Kind {
                 train.spring = size * 0.3 * plant.sliding / REACH;
                 train.spring_centre = (2.0 * shape.choices[0] - 1.0) * REACH;
                 keys.add("stiffness-n-per-mm", train.spring * 1e-3);
-                keys.add("centre-mm", train.spring_centre * 1e3);
+                keys.add("neutral-mm", train.spring_centre * 1e3);
             }
             Self::Backlash => {
                 train.backlash = size * 10e-6;
-                keys.add("backlash-um", train.backlash * UM);
+                keys.add("width-um", train.backlash * UM);
             }
             Self::SoftZone => {
                 train.soft_share = 0.4 + 0.4 * shape.choices[0];
                 train.soft_half_width = size * 3e-6;
-                keys.add("stiffness-ratio", 1.0 - train.soft_share);
+                keys.add("softness-percent", train.soft_share * 100.0);
                 keys.add("half-width-um", train.soft_half_width * UM);
             }
             Self::PositionDependentStiffness => {
                 train.compliance_slope = shape.sign * size * 0.3 / (2.0 * REACH);
-                keys.add("compliance-percent-per-mm", train.compliance_slope * 0.1);
+                keys.add("slope-percent-per-m", train.compliance_slope * 100.0);
             }
             Self::Resonance => {
                 train.swing_mass = size * 0.1 * plant.mass;
                 train.swing_hz = shape.between(0, 15.0, 90.0);
                 train.swing_damping = shape.between(1, 0.01, 0.05);
-                keys.add("mass-kg", train.swing_mass);
+                keys.add("mass-percent", size * 10.0);
                 keys.add("frequency-hz", train.swing_hz);
-                keys.add("damping", train.swing_damping);
+                keys.add("damping-percent", train.swing_damping * 100.0);
             }
             Self::PitchError => {
                 // Mostly by the turn, sometimes slow along the screw.
                 let turn = TAU / plant.lead;
                 let wave_number = shape.pick(0, &[turn, turn, 2.0 * turn, TAU / 60e-3]);
                 train.pitch = wave(size * 5e-6, wave_number, shape);
-                keys.add("error-um", train.pitch.amplitude * UM);
-                keys.add("order", wave_number / turn);
+                keys.add("amplitude-um", train.pitch.amplitude * UM);
+                keys.add("period-mm", TAU / wave_number * 1e3);
             }
             Self::ScaleError => {
                 train.scale = shape.sign * size * 50e-6;
@@ -286,7 +286,7 @@ impl Kind {
                 let time = shape.between(0, 20.0, 80.0);
                 train.growth = Growth { amplitude: shape.sign * size * 100e-6, time };
                 keys.add("growth-um-per-m", train.growth.amplitude * UM);
-                keys.add("time-s", time);
+                keys.add("time-constant-s", time);
             }
         }
     }
@@ -303,13 +303,13 @@ impl Kind {
         match self {
             Self::EncoderEccentricity => {
                 reading.motor[0] = wave(size * 3e-6, TAU / plant.lead, shape);
-                keys.add("error-um", size * 3.0);
+                keys.add("amplitude-um", size * 3.0);
             }
             Self::EncoderInterpolation if is_in_scale(shape) => {
                 let period = shape.pick(1, &[20e-6, 40e-6, 200e-6]);
                 reading.table = wave(size * 0.01 * period, TAU / period, shape);
                 keys.choose("encoder", "table-scale");
-                keys.add("error-um", size * 0.01 * period * UM);
+                keys.add("amplitude-um", size * 0.01 * period * UM);
                 keys.add("period-um", period * UM);
             }
             Self::EncoderInterpolation => {
@@ -317,7 +317,7 @@ impl Kind {
                 let period = plant.lead / lines;
                 reading.motor[1] = wave(size * 0.01 * period, TAU / period, shape);
                 keys.choose("encoder", "motor-encoder");
-                keys.add("error-um", size * 0.01 * period * UM);
+                keys.add("amplitude-um", size * 0.01 * period * UM);
                 keys.add("period-um", period * UM);
             }
             Self::Squareness => {
@@ -326,7 +326,7 @@ impl Kind {
             }
             Self::CrossCoupling if is_tilt(shape) => {
                 reading.tilt = shape.sign * size * 2e-6 / plant.sliding;
-                keys.add("tilt-um-per-kn", reading.tilt * UM * 1e3);
+                keys.add("compliance-um-per-kn", reading.tilt * UM * 1e3);
             }
             Self::CrossCoupling => {
                 own.train.pushed = shape.sign * size * 0.1;
@@ -356,8 +356,8 @@ impl Kind {
                 loops.pulse = size * 0.3 * friction_torque(plant) / plant.torque_constant;
                 loops.pulse_time = shape.between(0, 5e-3, 60e-3);
                 loops.pulse_is_flat = shape.choices[1] < 0.3;
-                keys.add("pulse-a", loops.pulse);
-                keys.add("time-ms", loops.pulse_time * 1e3);
+                keys.add("current-a", loops.pulse);
+                keys.add("decay-ms", loops.pulse_time * 1e3);
                 keys.choose("form", if loops.pulse_is_flat { "flat" } else { "decay" });
             }
         }
