@@ -105,6 +105,12 @@ fn measured_margins_are_the_computed_ones(
     assert!(unsure.gain_margin_db.is_some_and(|std| std < 0.1), "{unsure:?}");
 }
 
+/// Friction of axis X that ripples by 2 % with the turn of its screw.
+const RIPPLE: (&str, &str) = (
+    "[axis.x.velocity-loop]",
+    "[axis.x.effects.screw-ripple]\nshare-percent = 2.0\nphase-deg = 40.0\n[axis.x.velocity-loop]",
+);
+
 /// The reference machine with another axis behind its boards.
 fn other() -> Machine {
     let edits = [
@@ -117,7 +123,7 @@ fn other() -> Machine {
         ("feedback-latency-us = 0", "feedback-latency-us = 120"),
         ("sliding-n = 951.3", "sliding-n = 700.0"),
         ("breakaway-n = 1127.8", "breakaway-n = 850.0"),
-        ("ripple-percent = 0.0", "ripple-percent = 2.0"),
+        RIPPLE,
     ];
     machine_with("reference", &edits)
 }
@@ -154,7 +160,7 @@ fn an_axis_that_the_machine_file_does_not_know_is_found() {
 /// The reference machine with an axis drawn by lot behind its boards: within 30 % of what is believed.
 fn drawn(seed: u64) -> Machine {
     let mut random = Pcg64Mcg::seed_from_u64(seed);
-    let mut other = machine_with("reference", &[("ripple-percent = 0.0", "ripple-percent = 2.0")]);
+    let mut other = machine_with("reference", &[RIPPLE]);
     let axis = &mut other.axes[X];
     let mut by = || random.random_range(0.7..1.3);
     axis.plant.mechanics.mass_kg *= by();

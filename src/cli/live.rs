@@ -44,11 +44,23 @@ pub(super) struct Job<'a> {
     pub(super) programme: Programme,
     pub(super) place: &'a Place<'a>,
     pub(super) allow_jitter: bool,
+    /// Ends it early, with the axes at rest.
+    pub(super) stop_wish: Arc<AtomicBool>,
     pub(super) log: &'a Path,
     /// Beside the progress.
     pub(super) title: &'static str,
     /// How long it will take, s.
     pub(super) duration_s: f64,
+}
+
+/// Whether real axes may move at a place.
+pub(super) fn moves_a_machine(place: &Place<'_>) -> bool {
+    place.interface.is_some() && place.pace == Pace::Realtime
+}
+
+/// A wish to stop, for a run at a place: a second signal ends the tool at once only where nothing real moves.
+pub(super) fn stop_wish(place: &Place<'_>) -> anyhow::Result<Arc<AtomicBool>> {
+    Ok(run::stop_wish(!moves_a_machine(place))?)
 }
 
 /// What a run left behind.
@@ -70,11 +82,8 @@ impl Job<'_> {
         header: impl FnOnce(&Origin) -> Header,
         beside: impl FnOnce(&Arc<AtomicBool>) -> (Option<RecordRing>, T),
     ) -> anyhow::Result<(Recorded, T)> {
-        let Self { machine, place, .. } = self;
-        let moves_a_machine = place.interface.is_some() && place.pace == Pace::Realtime;
-        let stop_wish = run::stop_wish(!moves_a_machine)?;
-        let allow_jitter = self.allow_jitter;
-        let run = Run { began: Instant::now(), job: self, stop_wish, header, beside };
+        let Self { machine, place, allow_jitter, .. } = self;
+        let run = Run { began: Instant::now(), job: self, header, beside };
         match (place.interface, place.pace) {
             (None, pace) => {
                 let prepared = (pace == Pace::Realtime).then(|| Prepared::new(machine, None)).transpose()?;
@@ -102,6 +111,28 @@ impl Job<'_> {
     }
 }
 
+/// Whether the boards of a machine answer and are what their sheets say, and on a real bus whether this computer is
+/// fit for real time. No axis is enabled.
+pub(super) fn greet(
+    machine: &Machine,
+    plant: &Machine,
+    place: &Place<'_>,
+    allow_jitter: bool,
+) -> anyhow::Result<()> {
+    let drives = machine.drives()?;
+    let _operational = match (place.interface, place.pace) {
+        (None, _) => Wired::new(plant.rack(place.seed)).commission(drives)?,
+        (Some(interface), Pace::Realtime) => {
+            let prepared = Prepared::<()>::new(machine, Some(interface))?;
+            let mut bus = run::open(machine, interface, &[])?;
+            prepared.judge(allow_jitter)?;
+            run::commission(&mut bus, drives)?
+        }
+        (Some(interface), Pace::Virtual) => commission(&mut lock_step(machine, interface)?, drives)?,
+    };
+    Ok(())
+}
+
 /// A bus in lock step with the machine behind an interface.
 pub(super) fn lock_step(machine: &Machine, interface: &str) -> anyhow::Result<Lockstep<SocketCan>> {
     let bus = run::open(machine, interface, &[lockstep::MARKER])?;
@@ -113,7 +144,6 @@ pub(super) fn lock_step(machine: &Machine, interface: &str) -> anyhow::Result<Lo
 struct Run<'a, H, F> {
     began: Instant,
     job: Job<'a>,
-    stop_wish: Arc<AtomicBool>,
     header: H,
     beside: F,
 }
@@ -132,7 +162,7 @@ where
         prepared: Option<Prepared<(Ending, u64, B)>>,
         begin: impl FnOnce(&mut B, Moment),
     ) -> anyhow::Result<((Recorded, T), B)> {
-        let Self { began, job, stop_wish, header, beside } = self;
+        let Self { began, job, header, beside } = self;
         let machine = job.machine;
         let mut cycle = Cycle::new(machine.cycle_settings(), drives, &machine.control_settings());
         let origin = Origin::soon();
@@ -141,11 +171,11 @@ where
         let (cycles, lost) = (Arc::clone(&log_drain.cycles), Arc::clone(&log_drain.lost));
         let writer =
             Writer::start(job.log, header.clone(), log_drain.ring, log_drain.inputs, log_drain.lost)?;
-        let (to_other, beside) = beside(&stop_wish);
+        let (to_other, beside) = beside(&job.stop_wish);
 
         let period = machine.cycle.period;
         let bar = ProgressWatch::start(job.title, Arc::clone(&cycles), job.duration_s, period);
-        let mut orders = Procedure::new(job.programme, stop_wish);
+        let mut orders = Procedure::new(job.programme, job.stop_wish);
         begin(&mut bus, origin.monotonic);
         let end = match prepared {
             Some(prepared) => {

@@ -4,6 +4,7 @@
 //! off) or was found (a survey); 2 not done (bad input, a fault, interrupted).
 //! Invariant: no arithmetic here; what is printed was computed below.
 
+mod autotune;
 mod check;
 mod circle;
 mod hil;
@@ -45,6 +46,8 @@ enum Verb {
     Identify(identify::Arguments),
     /// Find gains with the least protrusion that keep the margins, or solve the problem of the paper
     Tune(tune::Arguments),
+    /// Identify a machine, tune it, and keep the gains if its circle is better
+    Autotune(autotune::Arguments),
     /// Check a machine file and print what it implies
     Check(check::Arguments),
     /// Summarise, export or recover a log
@@ -105,6 +108,7 @@ pub fn main() -> ExitCode {
         Verb::Circle(arguments) => circle::run(&arguments),
         Verb::Identify(arguments) => identify::run(&arguments),
         Verb::Tune(arguments) => tune::run(&arguments),
+        Verb::Autotune(arguments) => autotune::run(&arguments),
         Verb::Check(arguments) => check::run(&arguments),
         Verb::Log(arguments) => log::run(&arguments),
         Verb::Import(arguments) => import::run(&arguments),

@@ -5,9 +5,14 @@ use std::collections::BTreeMap;
 use comfy_table::{CellAlignment, Table, presets};
 use serde_json::Value;
 
+use crate::base::axis::AxisId;
+use crate::base::units::Position;
+use crate::config::Machine;
+use crate::config::machine::AXIS_NAMES;
 use crate::log::header::IMPORTED;
 use crate::log::timing::Share;
 use crate::log::{Header, Summary};
+use crate::offline::autotune::CircleFigures;
 use crate::offline::check::{MachineReport, Row};
 use crate::offline::circle::{CircularTest, PointAnalysis, Quadrant};
 use crate::offline::identify::frequency::AxisResponse;
@@ -15,6 +20,7 @@ use crate::offline::identify::plan::{Part, Purpose};
 use crate::offline::identify::{Estimate, Finding, Findings};
 use crate::offline::report::TestSheet;
 use crate::offline::tune::Judged;
+use crate::rt::cycle::procedure::Programme;
 
 /// A table with a left-hand column of names and right-aligned numbers.
 fn table(heads: &[&str]) -> Table {
@@ -63,6 +69,47 @@ pub(super) fn front(objectives: &[&str], front: &[Judged]) -> String {
         rows.add_row(objectives.iter().chain(&gains).map(|value| format!("{value:.3}")));
     }
     rows.to_string()
+}
+
+/// Where the axes go in a programme, from where they stand, and where they may go.
+pub(super) fn reach(machine: &Machine, programme: &Programme) -> String {
+    let line = |axis: AxisId| {
+        let (low, high) = programme.reach(axis);
+        let name = AXIS_NAMES[axis.index()];
+        if low == high {
+            return format!("  axis {name} stays where it stands\n");
+        }
+        let limits = &machine.axes[axis].control.limits;
+        let [low, high, least, most] = [low, high, limits.travel_min, limits.travel_max].map(Position::as_mm);
+        format!(
+            "  axis {name} moves between {low:.1} and {high:.1} mm from where it stands; its travel is {least:.1} to \
+             {most:.1} mm\n"
+        )
+    };
+    machine.axes.axes().map(line).collect()
+}
+
+/// How fast a programme is, and how long it takes.
+pub(super) fn pace_of(programme: &Programme, duration_s: f64) -> String {
+    format!(
+        "  up to {:.0} mm/min and {:.2} m/s2 along the path, about {duration_s:.0} s\n",
+        programme.velocity_max().as_mm_per_min(),
+        programme.acceleration_max().as_m_per_s2()
+    )
+}
+
+/// A circle in one line.
+pub(super) fn circle_line(figures: &CircleFigures) -> String {
+    let axes = figures.axes.iter().map(|axis| {
+        let table = axis.table_deviation_um.map(|um| format!(" ({um:.2} at the table)")).unwrap_or_default();
+        format!("{} {:.2} um{table} and {:.2} A", axis.axis, axis.deviation_um, axis.current_a_max)
+    });
+    format!(
+        "protrusion {:.2} um, radius {:.2} um smaller; from the orbit {}",
+        figures.protrusion_um,
+        figures.radius_decrease_um,
+        axes.collect::<Vec<_>>().join(", ")
+    )
 }
 
 /// What the experiments of each purpose do.

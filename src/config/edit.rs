@@ -125,6 +125,24 @@ impl MachineFile {
         Ok(())
     }
 
+    /// Where it is.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Put the text as it was read into another file, which must not be there yet; nothing for a file that is to be
+    /// made.
+    ///
+    /// # Errors
+    /// When it is there, or cannot be written.
+    pub fn keep_old(&self, beside: &Path) -> Result<(), EditError> {
+        let Some(before) = &self.before else { return Ok(()) };
+        if beside.exists() {
+            return Err(EditError::Overtaken { path: beside.to_owned() });
+        }
+        put(beside, before).map_err(|cause| EditError::Unwritable { path: beside.to_owned(), cause })
+    }
+
     /// The text as it is by now.
     pub fn text(&self) -> String {
         self.document.to_string()

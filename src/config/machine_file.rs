@@ -10,7 +10,8 @@ use super::sheet_file::{self, Shelf};
 use crate::base::axis::PerAxis;
 use crate::base::time::Span;
 use crate::base::units::{Acceleration, Current, Force, Position, Velocity};
-use crate::plant::{self, Actuator, Mechanics, Ripple, friction};
+use crate::plant::effects::{CATALOGUE, Effects, Entry, VALUES_MAX, Values};
+use crate::plant::{self, Actuator, Mechanics, friction};
 use crate::rt::control::{self, GAIN_SETS_MAX, Gains, compensation, limits::Limits, position, velocity_pi};
 use crate::rt::cycle::bucket::BucketLimit;
 use crate::rt::cycle::mode::Patience;
@@ -167,9 +168,16 @@ fn axis(section: Section<'_>, cycle: &Cycle, sets: &[String], shelf: &Shelf<'_>)
     let senses = (sense(&encoder), table.as_ref().map_or(Sense::Along, sense));
     let sheet = sheet(board, encoder, table, &actuator, shelf);
     drive.close();
-    let (friction, ripple) = friction(section.section("friction"));
-    let plant =
-        plant::Parameters { mechanics: mechanics(section.section("mechanics")), friction, actuator, ripple };
+    let base = plant::Parameters {
+        mechanics: mechanics(section.section("mechanics")),
+        friction: friction(section.section("friction")),
+        actuator,
+        effects: Effects::NONE,
+    };
+    let plant = match section.optional_section("effects") {
+        Some(effects_section) => effects(effects_section, base),
+        None => base,
+    };
     let scale = AxisScale::new(&ScaleSettings {
         lead: Position::m(plant.mechanics.lead_m),
         motor_counts_per_rev: sheet.motor_counts_per_rev,
@@ -181,7 +189,8 @@ fn axis(section: Section<'_>, cycle: &Cycle, sets: &[String], shelf: &Shelf<'_>)
     let control = control::Settings {
         tick: cycle.period,
         position_every: cycle.position_every,
-        axis: plant,
+        // What is another value of a parameter the control knows; the rest is for the simulation.
+        axis: plant.without_effects(),
         resolution: scale.motor_resolution(),
         limits: limits(section.section("limits")),
         gain_sets: gain_sets(&section, velocity_form, cycle, sets),
@@ -256,7 +265,7 @@ fn mechanics(section: Section<'_>) -> Mechanics {
     mechanics
 }
 
-fn friction(section: Section<'_>) -> (friction::Parameters, Ripple) {
+fn friction(section: Section<'_>) -> friction::Parameters {
     let variants = [("nonlinear", friction::Variant::Nonlinear), ("linear", friction::Variant::Linear)];
     let parameters = friction::Parameters {
         variant: section.choice("variant", &variants),
@@ -266,10 +275,35 @@ fn friction(section: Section<'_>) -> (friction::Parameters, Ripple) {
         fall_start: Velocity::mm_per_s(section.number("fall-start-mm-per-s", 0.0..=100.0, "mm/s")),
         viscous_n_s_per_m: section.number("viscous-n-s-per-mm", 0.0..=1_000.0, "N s/mm") * 1e3,
     };
-    // Its phase is the seed's: nobody knows how a screw is mounted.
-    let share = section.number("ripple-percent", 0.0..=50.0, "%") * 1e-2;
     section.close();
-    (parameters, Ripple { share, ..Ripple::NONE })
+    parameters
+}
+
+/// The axis with the effects of the catalogue that it has.
+fn effects(section: Section<'_>, base: plant::Parameters) -> plant::Parameters {
+    let mut axis = base;
+    for entry in CATALOGUE {
+        if let Some(section) = section.optional_section(entry.name) {
+            axis = axis.with_effect(entry, effect(section, entry));
+        }
+    }
+    section.close();
+    axis
+}
+
+fn effect(section: Section<'_>, entry: &Entry) -> Values {
+    let mut values = [0.0; VALUES_MAX];
+    for (value, parameter) in values.iter_mut().zip(entry.parameters) {
+        let [least, most] = parameter.bounds;
+        *value = section.number(parameter.key, least..=most, parameter.unit);
+        section.optional_interval(&format!("{}-ci95", parameter.key), *value, parameter.unit);
+    }
+    // Where the values come from is for those who read the file.
+    for key in ["source", "date", "commit"] {
+        section.optional_text(key);
+    }
+    section.close();
+    values
 }
 
 fn limits(section: Section<'_>) -> Limits {

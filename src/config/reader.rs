@@ -9,7 +9,7 @@ use std::cell::RefCell;
 use std::ops::{Range, RangeInclusive};
 
 use toml::Spanned;
-use toml::de::{DeTable, DeValue};
+use toml::de::{DeArray, DeTable, DeValue};
 
 use super::problem::{FileProblems, Problem};
 
@@ -186,14 +186,7 @@ impl<'t> Section<'t> {
         let wanted = format!("a number from {} to {} {unit}", range.start(), range.end());
         let wanted = wanted.trim_end();
         let Some(value) = self.require(key, wanted) else { return *range.start() };
-        let number = match value.get_ref() {
-            DeValue::Float(float) => float.as_str().replace('_', "").parse::<f64>().ok(),
-            DeValue::Integer(integer) if integer.radix() == 10 => {
-                integer.as_str().replace('_', "").parse::<f64>().ok()
-            }
-            _ => None,
-        };
-        match number {
+        match decimal(value.get_ref()) {
             // NaN is in no range.
             Some(number) if range.contains(&number) => number,
             Some(number) => {
@@ -244,6 +237,31 @@ impl<'t> Section<'t> {
     pub(super) fn optional_number(&self, key: &str, range: RangeInclusive<f64>, unit: &str) -> Option<f64> {
         if self.value(key).is_some() {
             return Some(self.number(key, range, unit));
+        }
+        self.skip(key);
+        None
+    }
+
+    /// A pair of numbers around a value that may be absent.
+    pub(super) fn optional_interval(&self, key: &str, around: f64, unit: &str) {
+        let Some(value) = self.ask(key) else { return };
+        let wanted = format!("[low, high] around {around} {unit}");
+        let numbers = |items: &DeArray<'_>| items.iter().map(|item| decimal(item.get_ref())).collect();
+        let ends: Option<Vec<f64>> = value.get_ref().as_array().and_then(numbers);
+        match ends.as_deref() {
+            Some([low, high]) if (*low..=*high).contains(&around) => {}
+            Some([low, high]) => {
+                let title = format!("{low} to {high} {unit} does not contain the value");
+                self.notes.add(value.span(), &self.key(key), title, format!("wanted is {wanted}"));
+            }
+            _ => self.wrong_type(key, value, &wanted),
+        }
+    }
+
+    /// A text that may be absent.
+    pub(super) fn optional_text(&self, key: &str) -> Option<String> {
+        if self.value(key).is_some() {
+            return Some(self.text(key));
         }
         self.skip(key);
         None
@@ -344,6 +362,16 @@ impl<'t> Section<'t> {
             }
         }
     }
+}
+
+/// A number, whole or not.
+fn decimal(value: &DeValue<'_>) -> Option<f64> {
+    let digits = match value {
+        DeValue::Float(float) => float.as_str(),
+        DeValue::Integer(integer) if integer.radix() == 10 => integer.as_str(),
+        _ => return None,
+    };
+    digits.replace('_', "").parse().ok()
 }
 
 /// A value as a person wrote it; nothing for what has an inside.

@@ -20,9 +20,9 @@ use crate::base::setpoint::Setpoint;
 use crate::base::time::Span;
 use crate::base::units::{Current, Position, Velocity};
 use crate::config::machine::{Axis, Gains};
-use crate::plant::Plant;
 use crate::plant::encoder::{Knot, Latch};
 use crate::plant::friction::Law;
+use crate::plant::{Plant, steady_force};
 use crate::rt::control::{AxisLoop, Settings};
 use crate::rt::drive::sheet::CommandApplies;
 use crate::rt::drive::velocity::VelocityEstimator;
@@ -52,10 +52,10 @@ pub struct InLoop<'a> {
 
 impl<'a> InLoop<'a> {
     /// An axis that slides with its motor at `start`, under `gains`. Its `plant` need not be what its control
-    /// believes, and is that of [`Plant::sliding`] at this velocity.
+    /// believes, and is that of [`Plant::sliding`] at this velocity and place.
     pub fn sliding(axis: &'a Axis, plant: Plant, start: Position, velocity: Velocity, gains: &Gains) -> Self {
         let period = axis.control.tick;
-        let real = Law::new(axis.plant.friction).sliding(velocity);
+        let real = steady_force(&axis.plant, velocity, start);
         let mut begin = *gains;
         let believed = Law::new(axis.control.axis.friction).sliding(velocity).as_n();
         begin.compensation.friction = if believed == 0.0 { 0.0 } else { real.as_n() / believed };
@@ -75,7 +75,7 @@ impl<'a> InLoop<'a> {
         Self {
             axis,
             loops: AxisLoop::new(&settings),
-            plant,
+            plant: plant.placed(start),
             encoder,
             estimator,
             start,
@@ -138,7 +138,9 @@ impl<'a> InLoop<'a> {
 
     fn sample(&mut self) -> Sample {
         let scale = &self.axis.scale;
-        let latched = scale.motor_counts(self.start + self.encoder.position(Span::ZERO));
+        let place = self.encoder.position(Span::ZERO);
+        let [shown, _] = self.plant.shown(place, place);
+        let latched = scale.motor_counts(self.start + shown);
         let position = scale.motor_position(latched);
         Sample {
             freshness: Freshness::Fresh,

@@ -4,7 +4,7 @@
 //! [`circle`], [`draw`] makes the pictures and [`report`] puts numbers and pictures on one page.
 //!
 //! Any log goes through today's cycle again in [`replay`], or its boards speak to a live host again in
-//! [`playback`]; [`traffic`] turns logs into frames and back.
+//! [`playback`]; [`traffic`] turns logs into frames and back. [`simulated`] runs any programme in memory.
 //!
 //! [`tune`] looks for gains, by the shipped loops and the plant themselves ([`in_loop`]).
 //!
@@ -13,6 +13,7 @@
 //! Invariant: pure functions of their input (the one exception writes the finished report); the same
 //! input gives the same bytes.
 
+pub mod autotune;
 pub mod check;
 pub mod circle;
 pub mod draw;
@@ -25,6 +26,7 @@ pub mod playback;
 pub mod recorded;
 pub mod replay;
 pub mod report;
+pub mod simulated;
 pub mod trace;
 pub mod traffic;
 pub mod tune;

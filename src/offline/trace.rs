@@ -11,8 +11,10 @@ use std::borrow::Borrow;
 use thiserror::Error;
 
 use crate::base::axis::AxisId;
+use crate::base::input::Inputs;
 use crate::base::record::{AxisRecord, CycleRecord, ModeTag};
 use crate::base::sample::Freshness;
+use crate::rt::door::Records;
 
 /// Cycles that are missing between two rows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -169,30 +171,9 @@ impl Trace {
     pub fn from_records<R: Borrow<CycleRecord>>(
         records: impl IntoIterator<Item = R>,
     ) -> Result<Self, TraceError> {
-        let mut rows = records.into_iter();
-        let Some(first) = rows.next() else { return Err(TraceError::TooShort { records: 0 }) };
-        let first = *first.borrow();
-        let mut trace = Self::empty(first.axes.count());
-        trace.push(&first)?;
-        let mut last = first;
-        for row in rows {
-            last = *row.borrow();
-            trace.push(&last)?;
-        }
-        if trace.len() < 2 {
-            return Err(TraceError::TooShort { records: trace.len() });
-        }
-        let span_s = (last.timing.scheduled - first.timing.scheduled).as_s();
-        if span_s <= 0.0 {
-            return Err(TraceError::NoTime { first: first.cycle, last: last.cycle, span_s });
-        }
-        trace.period_s = span_s / (last.cycle - first.cycle) as f64;
-        trace.time_s =
-            trace.cycle.iter().map(|cycle| (cycle - first.cycle) as f64 * trace.period_s).collect();
-        trace.overruns = last.overruns - first.overruns.min(last.overruns);
-        trace.lost_records = last.lost_records - first.lost_records.min(last.lost_records);
-        trace.axes.iter_mut().for_each(AxisTrace::drop_missing_table);
-        Ok(trace)
+        let mut tracing = Tracing::default();
+        records.into_iter().try_for_each(|record| tracing.see(record.borrow()))?;
+        tracing.finish()
     }
 
     /// The rows of one motion, run-in and run-out included; its time starts at zero again.
@@ -297,6 +278,72 @@ impl Trace {
             columns.push(record);
         }
         Ok(())
+    }
+}
+
+/// A trace in the making, record by record: from the cycle itself, or as a log is read.
+#[derive(Clone, Debug, Default)]
+pub struct Tracing {
+    made: Option<Made>,
+    broken: Option<TraceError>,
+}
+
+/// Rows so far, with the records at both ends of them.
+#[derive(Clone, Debug)]
+struct Made {
+    trace: Trace,
+    first: CycleRecord,
+    last: CycleRecord,
+}
+
+impl Tracing {
+    /// The next record.
+    ///
+    /// # Errors
+    /// When it does not follow those before.
+    pub fn see(&mut self, record: &CycleRecord) -> Result<(), TraceError> {
+        let fresh = || Made { trace: Trace::empty(record.axes.count()), first: *record, last: *record };
+        let made = self.made.get_or_insert_with(fresh);
+        made.last = *record;
+        made.trace.push(record)
+    }
+
+    /// The trace of all records.
+    ///
+    /// # Errors
+    /// When there are fewer than two, or one did not follow those before.
+    pub fn finish(self) -> Result<Trace, TraceError> {
+        if let Some(broken) = self.broken {
+            return Err(broken);
+        }
+        let Some(Made { mut trace, first, last }) = self.made else {
+            return Err(TraceError::TooShort { records: 0 });
+        };
+        if trace.len() < 2 {
+            return Err(TraceError::TooShort { records: trace.len() });
+        }
+        let span_s = (last.timing.scheduled - first.timing.scheduled).as_s();
+        if span_s <= 0.0 {
+            return Err(TraceError::NoTime { first: first.cycle, last: last.cycle, span_s });
+        }
+        trace.period_s = span_s / (last.cycle - first.cycle) as f64;
+        trace.time_s =
+            trace.cycle.iter().map(|cycle| (cycle - first.cycle) as f64 * trace.period_s).collect();
+        trace.overruns = last.overruns - first.overruns.min(last.overruns);
+        trace.lost_records = last.lost_records - first.lost_records.min(last.lost_records);
+        trace.axes.iter_mut().for_each(AxisTrace::drop_missing_table);
+        Ok(trace)
+    }
+}
+
+impl Records for Tracing {
+    fn put(&mut self, record: &CycleRecord, _inputs: &Inputs) {
+        if self.broken.is_none() {
+            self.broken = self.see(record).err();
+        }
+    }
+    fn lost(&self) -> u64 {
+        0
     }
 }
 

@@ -44,12 +44,24 @@ pub(super) struct Map {
 pub(super) struct StepMaps {
     pub(super) slip: Map,
     pub(super) stick: Map,
+    /// Length of the step.
+    pub(super) length_s: f64,
+    /// Of the screw in these maps.
+    pub(super) stiffness_n_per_m: f64,
+    /// Between motor and table in these maps.
+    pub(super) damping_n_s_per_m: f64,
 }
 
 impl StepMaps {
     /// Both maps of an axis for a step of `step_s` seconds.
     pub(super) fn new(axis: &Parameters, step_s: f64) -> Self {
-        Self { slip: Map::new(axis, step_s, true), stick: Map::new(axis, step_s, false) }
+        Self {
+            slip: Map::new(axis, step_s, true),
+            stick: Map::new(axis, step_s, false),
+            length_s: step_s,
+            stiffness_n_per_m: axis.mechanics.stiffness_n_per_m,
+            damping_n_s_per_m: axis.mechanics.damping_n_s_per_m,
+        }
     }
 }
 
@@ -107,6 +119,25 @@ impl Map {
             *value += per_n * friction_change_n;
         }
     }
+
+    /// The state after the step with a held force on the motor that does not pass the current loop.
+    ///
+    /// Shifted by it, motor force and command obey the equation of the current loop as they are.
+    pub(super) fn apply_loaded(&self, z: &Motion, command_n: f64, motor_n: f64, table_n: f64) -> Motion {
+        let mut shifted = *z;
+        shifted[FORCE] += motor_n;
+        let mut next = self.apply(&shifted, command_n + motor_n, table_n);
+        next[FORCE] -= motor_n;
+        next
+    }
+
+    /// What changes of the held forces on motor and table change in the state after the step.
+    pub(super) fn correct_loaded(&self, z: &mut Motion, motor_change_n: f64, table_change_n: f64) {
+        for (row, value) in z.iter_mut().enumerate() {
+            let by_motor = if row == FORCE { 0.0 } else { self.force[row] + self.command[row] };
+            *value += self.friction[row] * table_change_n + by_motor * motor_change_n;
+        }
+    }
 }
 
 #[cfg(test)]
@@ -123,6 +154,29 @@ mod tests {
         let twice = half.apply(&half.apply(&start, 500.0, -951.3), 500.0, -951.3);
         for (a, b) in once.iter().zip(twice) {
             assert!((a - b).abs() <= 1e-12 * (1.0 + a.abs()), "{once:?} {twice:?}");
+        }
+    }
+
+    #[test]
+    fn a_force_on_the_motor_acts_at_once_and_a_command_through_its_lag() {
+        let axis = paper_axis();
+        let map = Map::new(&axis, 1e-3, true);
+        let start = [5e-6, 0.01, -0.02, 300.0, 0.1];
+        let by_lag_n = 100.0 * (1.0 - (-1e-3 / axis.actuator.lag_s()).exp());
+        let (idle, pushed) =
+            (map.apply(&start, 500.0, -951.3), map.apply_loaded(&start, 500.0, 100.0, -951.3));
+        assert_eq!(idle[FORCE].to_bits(), map.apply_loaded(&start, 500.0, 0.0, -951.3)[FORCE].to_bits());
+        assert!((pushed[FORCE] - idle[FORCE]).abs() < 1e-9, "{pushed:?}");
+        assert!((map.apply(&start, 600.0, -951.3)[FORCE] - idle[FORCE] - by_lag_n).abs() < 1e-9);
+        // The momentum of both masses grows by force times time.
+        let gained = |motion: &Motion| {
+            axis.mechanics.motor_mass_kg() * motion[V_MOTOR] + axis.mechanics.mass_kg * motion[V_TABLE]
+        };
+        assert!((gained(&pushed) - gained(&idle) - 0.1).abs() < 1e-12);
+        let mut corrected = idle;
+        map.correct_loaded(&mut corrected, 100.0, 0.0);
+        for (a, b) in corrected.iter().zip(pushed) {
+            assert!((a - b).abs() <= 1e-12 * (1.0 + a.abs()), "{corrected:?} {pushed:?}");
         }
     }
 

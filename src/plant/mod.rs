@@ -11,11 +11,12 @@
 //! table runs, ten while it creeps or sticks. The friction force is predicted at the start of a step
 //! and corrected by its mean over the step; the table sticks when its velocity changes sign within
 //! `F_max` and tears loose when `|K d + C v_m|` exceeds it. Against a step 25 times smaller this holds
-//! the protrusion of a circle within a few nanometres (`cargo bench --bench plant`).
+//! the protrusion of a circle within a few nanometres (`cargo bench --bench plant`). What real axes have beyond
+//! that is in [`effects`].
 //! Invariant: pure functions of parameters, state, input and time step; no clock, no randomness.
 
 pub mod driven;
-mod effects;
+pub mod effects;
 pub mod encoder;
 pub mod friction;
 mod maps;
@@ -25,11 +26,14 @@ pub mod rigid;
 
 pub use params::{Actuator, Mechanics, Parameters};
 
+use std::sync::Arc;
+
 use crate::base::time::Span;
-use crate::base::units::{Current, Position, Velocity};
+use crate::base::units::{Current, Force, Position, Velocity};
+use effects::Neighbour;
+use effects::acting::{Acting, Remembered};
 use effects::backlash::{Gap, Ladder};
-pub use effects::ripple::Ripple;
-use effects::ripple::Turn;
+use effects::step::{Bare, Stepping};
 use friction::Law;
 use maps::{Motion, StepMaps};
 
@@ -89,7 +93,9 @@ struct Body {
     /// -1 or +1 while the table slides, 0 while it sticks.
     slide: f64,
     gap: Gap,
-    turn: Turn,
+    /// Where on the machine the plant's zero is, m.
+    origin_m: f64,
+    remembered: Remembered,
 }
 
 /// One axis in motion.
@@ -106,6 +112,7 @@ pub struct Plant {
     early: Option<Part>,
     late: Part,
     body: Body,
+    acting: Option<Arc<Acting>>,
 }
 
 impl Plant {
@@ -117,20 +124,42 @@ impl Plant {
         Self::with_fine_steps(axis, tick, FINE_STEPS)
     }
 
-    /// An axis that slides steadily, wound up by its friction; its motor is at zero now.
+    /// An axis that slides steadily, wound up by its friction; its motor is at zero now, at a place of the machine.
     ///
     /// # Panics
     /// As [`Plant::new`].
-    pub fn sliding(axis: &Parameters, tick: Span, velocity: Velocity) -> Self {
-        let friction_n = Law::new(axis.friction).sliding(velocity).as_n();
+    pub fn sliding(axis: &Parameters, tick: Span, velocity: Velocity, place: Position) -> Self {
+        Self::sliding_in(axis, tick, FINE_STEPS, velocity, place)
+    }
+
+    fn sliding_in(
+        axis: &Parameters,
+        tick: Span,
+        fine_steps: u32,
+        velocity: Velocity,
+        place: Position,
+    ) -> Self {
+        let drive_n = steady_force(axis, velocity, place).as_n();
         let (speed, side) = (velocity.as_m_per_s(), velocity.as_m_per_s().signum());
         let mechanics = &axis.mechanics;
-        let deflection_m = friction_n / mechanics.stiffness_n_per_m + 0.5 * side * mechanics.backlash_m;
-        let motion = [deflection_m, speed, speed, friction_n, 0.0];
+        let deflection_m = drive_n / mechanics.stiffness_n_per_m + 0.5 * side * mechanics.backlash_m;
+        let motion = [deflection_m, speed, speed, drive_n, 0.0];
         let mut plant =
-            Self::from_state(axis, tick, FINE_STEPS, motion, side, Gap::new(mechanics.backlash_m));
-        plant.pending_n = [friction_n; DEAD_TICKS_MAX + 1];
+            Self::from_state(axis, tick, fine_steps, motion, side, Gap::new(mechanics.backlash_m));
+        plant.pending_n = [drive_n; DEAD_TICKS_MAX + 1];
+        plant.body.origin_m = place.as_m();
+        if let Some(acting) = &plant.acting {
+            let friction_n = acting.steady_friction_n(&plant.body.law, velocity, place);
+            plant.body.remembered = acting.remembered(speed, friction_n);
+        }
         plant
+    }
+
+    /// The same with its zero at another place of the machine.
+    #[must_use]
+    pub fn placed(mut self, place: Position) -> Self {
+        self.body.origin_m = place.as_m();
+        self
     }
 
     /// An axis at rest with another number of fine steps in a tick: the convergence benchmark and tests.
@@ -149,6 +178,8 @@ impl Plant {
         let dead_ticks = (axis.actuator.dead_time / tick) as usize;
         assert!(dead_ticks < DEAD_TICKS_MAX, "dead time of more than {DEAD_TICKS_MAX} ticks");
         let late_by_s = (axis.actuator.dead_time - tick * dead_ticks as i64).as_s();
+        let acting = Acting::new(axis);
+        let axis = &acting.as_ref().map_or(*axis, |acting| acting.prepared(axis));
         Self {
             tick,
             fine_steps,
@@ -165,8 +196,10 @@ impl Plant {
                 motion,
                 slide,
                 gap,
-                turn: Turn::new(axis.ripple, axis.mechanics.lead_m),
+                origin_m: 0.0,
+                remembered: acting.as_ref().map_or(Remembered::REST, |acting| acting.remembered(0.0, 0.0)),
             },
+            acting: acting.map(Arc::new),
         }
     }
 
@@ -176,9 +209,13 @@ impl Plant {
     /// # Panics
     /// When the dead time is not that of this axis.
     pub fn change(&mut self, axis: &Parameters) {
-        let Body { motion, slide, gap, .. } = self.body;
+        let Body { motion, slide, gap, origin_m, .. } = self.body;
         let gap = gap.resized(axis.mechanics.backlash_m, motion[0]);
-        let changed = Self::from_state(axis, self.tick, self.fine_steps, motion, slide, gap);
+        let mut changed = Self::from_state(axis, self.tick, self.fine_steps, motion, slide, gap);
+        changed.body.origin_m = origin_m;
+        if let Some(acting) = &changed.acting {
+            changed.body.remembered = acting.taken_over(self.acting.as_deref(), &self.body.remembered);
+        }
         assert_eq!(
             changed.dead_ticks, self.dead_ticks,
             "a dead time does not change while commands are in it"
@@ -208,29 +245,82 @@ impl Plant {
             self.pending_n[age + 1] = self.pending_n[age];
         }
         self.pending_n[0] = held_a * self.force_per_current;
-        if let Some(early) = &self.early {
-            self.body.advance(early, self.pending_n[self.dead_ticks + 1]);
+        let Self { early, late, body, acting, pending_n, dead_ticks, .. } = self;
+        let commands_n = [pending_n[*dead_ticks + 1], pending_n[*dead_ticks]];
+        match acting {
+            None => body.tick(early.as_ref(), late, commands_n, &Bare),
+            Some(acting) => body.tick_with_effects(early.as_ref(), late, commands_n, acting),
         }
-        self.body.advance(&self.late, self.pending_n[self.dead_ticks]);
         held_a != command.as_a()
+    }
+
+    /// What motor encoder and table scale show where they are at these places.
+    pub fn shown(&self, motor: Position, table: Position) -> [Position; 2] {
+        let Some(acting) = &self.acting else { return [motor, table] };
+        let places_m = [motor, table].map(|place| self.body.origin_m + place.as_m());
+        let [motor_m, table_m] = acting.reading_errors_m(places_m, &self.body.remembered);
+        [motor + Position::m(motor_m), table + Position::m(table_m)]
+    }
+
+    /// What it does to the axis before it, with its table at a place.
+    pub fn neighbour(&self, table: Position) -> Neighbour {
+        Neighbour { table: table + Position::m(self.body.origin_m), force: Force::n(self.body.screw_n()) }
+    }
+
+    /// Whether its table scale shows something of the next axis.
+    pub fn is_crossed(&self) -> bool {
+        self.acting.as_ref().is_some_and(|acting| acting.is_crossed())
+    }
+
+    /// What its table scale shows too much for what the next axis does.
+    pub fn crossing(&self, next: &Neighbour) -> Position {
+        Position::m(self.acting.as_ref().map_or(0.0, |acting| acting.crossing_m(next)))
+    }
+}
+
+/// Force of the drive, on the table's side, that keeps an axis at a velocity at a place of the machine.
+pub fn steady_force(axis: &Parameters, velocity: Velocity, place: Position) -> Force {
+    let law = Law::new(axis.friction);
+    match Acting::new(axis) {
+        None => law.sliding(velocity),
+        Some(acting) => acting.steady_force(&law, velocity, place),
     }
 }
 
 impl Body {
-    fn advance(&mut self, part: &Part, command_n: f64) {
-        if let Some(ladder) = &part.with_gap {
-            return self.advance_with_gap(part, ladder, command_n);
+    #[inline(always)]
+    fn tick<S: Stepping>(&mut self, early: Option<&Part>, late: &Part, commands_n: [f64; 2], stepping: &S) {
+        if let Some(early) = early {
+            self.advance(early, commands_n[0], stepping);
         }
-        if self.is_running() {
-            let end = self.slid(&part.whole.slip, command_n);
-            if end[2] * self.slide > 0.0 {
-                self.motion = end;
-                return;
-            }
-            // It would reverse within the tick: take it again in fine steps.
+        self.advance(late, commands_n[1], stepping);
+    }
+
+    // Out of the way of the axes that have none.
+    #[cold]
+    #[inline(never)]
+    fn tick_with_effects(
+        &mut self,
+        early: Option<&Part>,
+        late: &Part,
+        commands_n: [f64; 2],
+        acting: &Acting,
+    ) {
+        self.tick(early, late, commands_n, acting);
+    }
+
+    fn advance<S: Stepping>(&mut self, part: &Part, command_n: f64, stepping: &S) {
+        if let Some(ladder) = &part.with_gap {
+            return self.advance_with_gap(part, ladder, command_n, stepping);
+        }
+        // Where it would reverse within the tick it is taken again in fine steps.
+        if stepping.may_span() && self.is_running() && stepping.span(self, &part.whole, command_n) {
+            return;
         }
         for _ in 0..part.fine_steps {
-            self.fine_step(&part.fine, command_n);
+            if stepping.moved(self, &part.fine, command_n) {
+                stepping.break_away(self, &part.fine, self.motion[0], self.pull_n());
+            }
         }
     }
 
@@ -239,57 +329,15 @@ impl Body {
         self.slide != 0.0 && self.table_speed() > CREEP.as_m_per_s()
     }
 
-    fn fine_step(&mut self, maps: &StepMaps, command_n: f64) {
-        if self.moved(maps, command_n) {
-            self.break_away(self.pull_n());
-        }
-    }
-
-    /// Move on by one step; whether the table stands at its end.
+    /// After a step of sliding: whether the table has come to stand, which it does where it would turn back.
     #[inline(always)]
-    fn moved(&mut self, maps: &StepMaps, command_n: f64) -> bool {
-        if self.slide == 0.0 {
-            self.motion = maps.stick.apply(&self.motion, command_n, 0.0);
-        } else {
-            self.motion = self.slid(&maps.slip, command_n);
-            if self.motion[2] * self.slide > 0.0 {
-                return false;
-            }
-            self.slide = 0.0;
-            self.motion[2] = 0.0;
+    fn stands(&mut self) -> bool {
+        if self.motion[2] * self.slide > 0.0 {
+            return false;
         }
+        self.slide = 0.0;
+        self.motion[2] = 0.0;
         true
-    }
-
-    /// A standing table tears loose when the screw pulls harder than friction can hold.
-    fn break_away(&mut self, pull_n: f64) {
-        let even_n = self.law.breakaway().as_n();
-        let held_n = if self.turn.is_none() { even_n } else { even_n * self.turn.factor(&self.motion) };
-        if pull_n.abs() > held_n {
-            self.slide = pull_n.signum();
-        }
-    }
-
-    /// The state after sliding for one step: friction predicted at its start, corrected by its mean.
-    // Always: as a call, whose answer goes through memory, a tick takes 25.5 ns instead of 19.5 ns.
-    #[inline(always)]
-    fn slid(&self, map: &maps::Map, command_n: f64) -> Motion {
-        let start_n = self.friction_n(self.table_speed(), &self.motion);
-        let mut end = map.apply(&self.motion, command_n, start_n * self.slide);
-        let end_speed = end[2] * self.slide;
-        let slower = end_speed.min(self.table_speed());
-        if !(self.law.is_flat_above(slower) && self.turn.is_none()) {
-            let end_n = self.friction_n(end_speed.max(0.0), &end);
-            map.correct(&mut end, 0.5 * (end_n - start_n) * self.slide);
-        }
-        end
-    }
-
-    /// Friction against the table at a speed and where it is, N.
-    #[inline(always)]
-    fn friction_n(&self, speed_m_per_s: f64, motion: &Motion) -> f64 {
-        let even_n = self.law.magnitude_n(speed_m_per_s);
-        if self.turn.is_none() { even_n } else { even_n * self.turn.factor(motion) }
     }
 
     fn table_speed(&self) -> f64 {

@@ -7,7 +7,8 @@
 
 use std::f64::consts::TAU;
 
-use super::{Ripple, friction};
+use super::effects::{Action, Effects, Entry, Values};
+use super::friction;
 use crate::base::time::Span;
 use crate::base::units::{Acceleration, Current, Force, Position, Torque};
 
@@ -110,8 +111,8 @@ pub struct Parameters {
     pub friction: friction::Parameters,
     /// Drive and motor.
     pub actuator: Actuator,
-    /// How friction varies along the screw; the control does not know it.
-    pub ripple: Ripple,
+    /// What it has beyond the base model.
+    pub effects: Effects,
 }
 
 impl Parameters {
@@ -124,8 +125,27 @@ impl Parameters {
         )
     }
     /// The same axis without friction.
-    pub const fn without_friction(mut self) -> Self {
+    #[must_use]
+    pub fn without_friction(mut self) -> Self {
         self.friction = friction::Parameters::NONE;
+        self.effects = self.effects.without_friction();
+        self
+    }
+    /// The same axis with an effect of these values. One that is another value of a parameter adds to it; any other
+    /// takes the place of what the axis had of it.
+    #[must_use]
+    pub fn with_effect(mut self, entry: &Entry, values: Values) -> Self {
+        match entry.action {
+            Action::Parameter(add) if values[0] != 0.0 => add(&values, &mut self),
+            Action::Parameter(_) => {}
+            _ => self.effects = self.effects.with(entry, values),
+        }
+        self
+    }
+    /// The same axis as the base model has it; parameters stay as effects made them.
+    #[must_use]
+    pub const fn without_effects(mut self) -> Self {
+        self.effects = Effects::NONE;
         self
     }
 }

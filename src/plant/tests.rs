@@ -4,6 +4,7 @@ use std::f64::consts::{PI, TAU};
 
 use super::*;
 use crate::base::units::Force;
+use crate::plant::effects::Effects;
 use crate::plant::friction::Variant;
 
 const TICK: Span = Span::us(500);
@@ -34,7 +35,7 @@ pub(crate) fn paper_axis() -> Parameters {
             dead_time: Span::ZERO,
             peak_current: Current::a(60.0),
         },
-        ripple: Ripple::NONE,
+        effects: Effects::NONE,
     }
 }
 
@@ -256,7 +257,7 @@ fn an_axis_that_begins_sliding_goes_on_sliding() {
         axis.friction.viscous_n_s_per_m = 3000.0;
         axis.actuator.dead_time = Span::us(700);
         let velocity = Velocity::mm_per_s(mm_per_s);
-        let mut plant = Plant::sliding(&axis, TICK, velocity);
+        let mut plant = Plant::sliding(&axis, TICK, velocity, Position::ZERO);
         let begin = plant.state();
         let torque = axis.mechanics.torque_for_force(Law::new(axis.friction).sliding(velocity));
         for _ in 0..200 {

@@ -4,8 +4,6 @@
 //! [`Axis::hear`] gives a frame to the board, SYNC among them, at a moment since the last step.
 //! Invariant: the board learns of the plant only what its sensors show.
 
-use std::f64::consts::TAU;
-
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64Mcg;
@@ -13,8 +11,9 @@ use rand_pcg::Pcg64Mcg;
 use super::board::{Board, Measured};
 use super::script::{Effect, Kind};
 use super::truth::AxisTruth;
+use crate::base::axis::PerAxis;
 use crate::base::time::{Moment, Span};
-use crate::base::units::Current;
+use crate::base::units::{Current, Position};
 use crate::plant::encoder::{Knot, Latch};
 use crate::plant::{self, Plant};
 use crate::rt::bus::Frame;
@@ -61,21 +60,37 @@ pub(super) struct Axis {
     table: Latch,
     noise: Option<Normal<f64>>,
     random: Pcg64Mcg,
+    /// What its table scale shows too much for what the next axis does.
+    crossing: Position,
+}
+
+/// A frame comes. At a SYNC so long `after` the end of the last step, table scales show something of the next axis; after the
+/// last comes the first.
+pub(super) fn cross(axes: &mut [Axis], frame: &Frame, after: Span) {
+    let is_latched = Address::of(frame.id()) == Some(Address::Sync);
+    if !is_latched || axes.len() < 2 || !axes.iter().any(|axis| axis.plant.is_crossed()) {
+        return;
+    }
+    let neighbours = PerAxis::from_fn(axes.len(), |id| {
+        let axis = &axes[id.index()];
+        axis.plant.neighbour(axis.table.position(after))
+    });
+    let neighbours = neighbours.as_slice();
+    for (index, axis) in axes.iter_mut().enumerate() {
+        axis.crossing = axis.plant.crossing(&neighbours[(index + 1) % neighbours.len()]);
+    }
 }
 
 impl Axis {
     /// An axis at rest whose board gets power at `now`. The seed decides where the encoders' counters
-    /// stand, what the noise is and where on its turn a screw begins.
+    /// stand and what the noise is.
     pub(super) fn new(settings: &AxisSettings, stepping: Stepping, seed: u64, now: Moment) -> Self {
         let AxisSettings { node, layout, sheet, feedback_latency, .. } = *settings;
         let Stepping { step, fine_steps } = stepping;
         let mut random = Pcg64Mcg::seed_from_u64(seed);
         let [motor, table] = [(); 2].map(|()| EncoderCounts::counts(random.random()));
         let serial = random.random();
-        let mut parameters = settings.plant;
-        if !parameters.ripple.is_none() {
-            parameters.ripple.phase_rad = random.random_range(0.0..TAU);
-        }
+        let parameters = settings.plant;
         Self {
             settings: *settings,
             board: Board::new(node, layout, sheet, serial, motor, table, now),
@@ -85,6 +100,7 @@ impl Axis {
             table: Latch::new(feedback_latency, step),
             noise: Normal::new(0.0, settings.current_noise.as_a()).ok().filter(|noise| noise.std_dev() > 0.0),
             random,
+            crossing: Position::ZERO,
         }
     }
 
@@ -138,9 +154,10 @@ impl Axis {
     fn latch(&mut self, cycle: u32, at: Moment, after: Span) {
         let scale = &self.settings.scale;
         let noise_a = self.noise.map_or(0.0, |noise| noise.sample(&mut self.random));
+        let [motor, table] = self.plant.shown(self.motor.position(after), self.table.position(after));
         let measured = Measured {
-            motor: scale.motor_counts(self.motor.position(after)),
-            table: scale.table_counts(self.table.position(after)),
+            motor: scale.motor_counts(motor),
+            table: scale.table_counts(table + self.crossing),
             current: scale.current_counts(self.plant.state().current + Current::a(noise_a)),
         };
         self.board.latch(cycle, measured, at);

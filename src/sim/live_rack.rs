@@ -19,7 +19,7 @@
 
 use std::collections::VecDeque;
 
-use super::axis::{Axis, AxisSettings, Stepping};
+use super::axis::{self, Axis, AxisSettings, Stepping};
 use super::board::Board;
 use super::script::Script;
 use super::script::player::Player;
@@ -149,6 +149,7 @@ impl LiveRack {
 
 /// A frame comes to all boards, so long after the end of the last step.
 fn reach(axes: &mut [Axis], currents: &mut [CurrentLine], frame: &Frame, at: Moment, after: Span) {
+    axis::cross(axes, frame, after);
     for (axis, current) in axes.iter_mut().zip(currents) {
         axis.hear(frame, at, after);
         current.note(axis.current(), at);

@@ -6,7 +6,7 @@
 //! [`LiveRack`](super::live_rack::LiveRack) is the same machine on the wall clock.
 //! Invariant: its time is the cycle number in the SYNC, so it is the same at any speed of the host.
 
-use super::axis::{Axis, Stepping};
+use super::axis::{self, Axis, Stepping};
 use super::board::Board;
 use super::script::Script;
 use super::script::player::Player;
@@ -127,6 +127,7 @@ impl Rack {
 
 /// A frame comes to all boards.
 fn reach(axes: &mut [Axis], frame: &Frame, now: Moment) {
+    axis::cross(axes, frame, Span::ZERO);
     for axis in axes {
         axis.hear(frame, now, Span::ZERO);
     }

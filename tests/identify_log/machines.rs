@@ -1,10 +1,10 @@
 //! Random machines around the reference machine, and what is believed of them.
 
-use std::f64::consts::{SQRT_2, TAU};
+use std::f64::consts::SQRT_2;
 
 use quadrant::base::units::{Force, Velocity};
 use quadrant::config::Machine;
-use quadrant::plant::Ripple;
+use quadrant::plant::effects;
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Mcg;
@@ -45,7 +45,8 @@ pub(crate) fn random(seed: u64) -> Pair {
         plant.mechanics.inertia_kg_m2 *= between(0.85, 1.15);
         plant.mechanics.mass_kg *= between(0.8, 1.2);
         plant.actuator.current_loop_hz *= between(0.8, 1.3);
-        plant.ripple = Ripple { share: 0.02 * SQRT_2, phase_rad: between(0.0, TAU) };
+        let ripple = effects::entry("screw-ripple").expect("an effect of the catalogue");
+        *plant = plant.with_effect(ripple, [2.0 * SQRT_2, between(0.0, 360.0), 0.0]);
         believed.axes[id].plant.mechanics.mass_kg = plant.mechanics.mass_kg;
         let off: f64 = StandardNormal.sample(&mut random);
         plant.actuator.torque_constant_nm_per_a *= 1.0 + 0.01 * TORQUE_CONSTANT_PERCENT / 1.96 * off;

@@ -11,13 +11,15 @@ use std::path::PathBuf;
 use anyhow::Context;
 use clap::{Args, ValueEnum};
 
-use super::live::{outcome_of, stamp_now, with_losses};
+use super::live::{outcome_of, stamp_now, stop_wish, with_losses};
 use super::{Outcome, PaceName, machine};
 use crate::base::motion::{Circle, Direction};
 use crate::base::units::{Position, Velocity};
 use crate::config::plan::CircleRequest;
 use crate::rt::cycle::procedure::Ending;
 use crate::run::Place;
+
+use live::CircleJob;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
@@ -125,7 +127,19 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
 
     let place =
         Place { pace: arguments.pace.pace(), interface: arguments.bus.as_deref(), seed: arguments.seed };
-    let recording = live::record(&machine, &request, &test, &place, arguments.allow_jitter, &log)?;
+    let job = CircleJob {
+        machine: &machine,
+        plant: &machine,
+        request: &request,
+        test,
+        returns: false,
+        place: &place,
+        allow_jitter: arguments.allow_jitter,
+        stop_wish: stop_wish(&place)?,
+        log: &log,
+        title: "circular test",
+    };
+    let recording = job.record()?;
     let outcome = match recording.ending {
         Ending::Complete => report::of_recording(&machine, &request, &recording, &folder, arguments.json)?,
         ending @ (Ending::Interrupted | Ending::Faulted(..) | Ending::Refused) => outcome_of(&ending),

@@ -3,7 +3,6 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 
 use anyhow::{Context, bail};
 use serde::Serialize;
@@ -188,8 +187,7 @@ fn twin_of(header: &Header, gains: &str) -> anyhow::Result<Option<Trace>> {
     let directions = circles.iter().map(|(_, circle)| circle.direction).collect();
     let request = CircleRequest { gains: gains.to_owned(), circle: *first, directions };
     let test = machine.circle_test(&request)?;
-    let never = Arc::new(AtomicBool::new(false));
-    live::twin(&machine.without_friction(), test, header.seed, never)
+    live::twin(&machine.without_friction(), test, header.seed, &Arc::default())
 }
 
 /// Analyse, write the files, print.

@@ -6,19 +6,18 @@ use std::path::PathBuf;
 
 use anyhow::{Context, bail};
 
-use super::super::live::{Job, outcome_of, stamp_now, with_losses};
+use super::super::live::{Job, moves_a_machine, outcome_of, stamp_now, stop_wish, with_losses};
 use super::super::{Outcome, machine, view};
 use super::{Arguments, logs};
 use crate::base::axis::AxisId;
 use crate::config::Machine;
-use crate::config::machine::AXIS_NAMES;
 use crate::log::{Header, Pace};
 use crate::offline::identify::plan::{Plan, Request};
 use crate::run::{self, Origin, Place};
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let machine = machine(&arguments.machine)?;
-    let plant = plant(arguments, &machine)?;
+    let plant = plant(arguments.plant.as_deref(), &machine)?;
     let request = Request { gains: arguments.gains.clone(), axes: axes(arguments, &machine)? };
     let plan = Plan::of(&machine, &request)?;
     if plan.steps.is_empty() {
@@ -27,8 +26,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let place =
         Place { pace: arguments.pace.pace(), interface: arguments.bus.as_deref(), seed: arguments.seed };
     announce(&machine, &plan, &place);
-    let moves_a_machine = place.interface.is_some() && place.pace == Pace::Realtime;
-    if moves_a_machine && !arguments.yes && !agreed()? {
+    if moves_a_machine(&place) && !arguments.yes && !agreed()? {
         eprintln!("nothing was moved");
         return Ok(Outcome::NotDone);
     }
@@ -39,6 +37,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         programme: plan.programme(),
         place: &place,
         allow_jitter: arguments.allow_jitter,
+        stop_wish: stop_wish(&place)?,
         log: &log,
         title: "experiments",
         duration_s: plan.duration_s(),
@@ -56,8 +55,8 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
 }
 
 /// The machine behind the boards: that of the file, unless another was named.
-fn plant(arguments: &Arguments, of_file: &Machine) -> anyhow::Result<Machine> {
-    let Some(name) = &arguments.plant else { return Ok(of_file.clone()) };
+pub(in crate::cli) fn plant(name: Option<&str>, of_file: &Machine) -> anyhow::Result<Machine> {
+    let Some(name) = name else { return Ok(of_file.clone()) };
     let plant = machine(name)?;
     if plant.axes.count() != of_file.axes.count() || plant.cycle.period != of_file.cycle.period {
         bail!(
@@ -91,22 +90,16 @@ fn announce(machine: &Machine, plan: &Plan, place: &Place<'_>) {
         (Some(interface), Pace::Realtime) => format!("behind {interface}: real axes may move"),
     };
     eprintln!("machine {}, {at}", machine.name);
-    for axis in machine.axes.axes() {
-        let (low, high) = plan.reach(axis);
-        let name = AXIS_NAMES[axis.index()];
-        if low == high {
-            eprintln!("  axis {name} stays where it stands");
-        } else {
-            eprintln!(
-                "  axis {name} moves between {:.1} and {:.1} mm from where it stands",
-                low.as_mm(),
-                high.as_mm()
-            );
-        }
-    }
+    say(machine, plan);
+}
+
+/// What the experiments do.
+pub(in crate::cli) fn say(machine: &Machine, plan: &Plan) {
+    let (programme, duration_s) = (plan.programme(), plan.duration_s());
+    eprint!("{}{}", view::reach(machine, &programme), view::pace_of(&programme, duration_s));
     eprintln!("{}", view::experiments(&plan.summary()));
     plan.left_out.iter().for_each(|why| eprintln!("left out: {why}"));
-    eprintln!("about {:.0} s in all; Ctrl-C brings the axes to rest along their path", plan.duration_s());
+    eprintln!("Ctrl-C brings the axes to rest along their path");
 }
 
 /// Whether the person at the terminal wants it.
@@ -132,7 +125,8 @@ fn log_file(arguments: &Arguments, machine: &Machine) -> anyhow::Result<PathBuf>
     Ok(folder.join(format!("identify-{stamp}.mcap")))
 }
 
-fn header(
+/// What the log says of the experiments.
+pub(in crate::cli) fn header(
     machine: &Machine,
     plant: &Machine,
     request: &Request,

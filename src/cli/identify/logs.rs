@@ -1,14 +1,16 @@
 //! Identification from logs of the machine itself, and the way of what was found into its machine file.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use super::super::view::{findings, loop_margins};
 use super::super::{Outcome, print_json, print_text};
 use super::Arguments;
-use crate::offline::identify::logged::{LoggedAxis, Settings};
+use crate::offline::identify::axis::{self, IdentifiedAxis};
+use crate::offline::identify::frequency::AxisResponse;
+use crate::offline::identify::logged::Settings;
 use crate::offline::identify::logs::Logs;
 use crate::offline::identify::write_back::Target;
-use crate::offline::identify::{Findings, frequency, joined};
 use crate::offline::report;
 use crate::offline::report::identification::{self, AxisPage};
 
@@ -21,24 +23,21 @@ pub(super) fn run(arguments: &Arguments, paths: &[PathBuf]) -> anyhow::Result<Ou
     let target = arguments.write.as_deref().map(|file| Target::open(file, &logs)).transpose()?;
     let settings =
         Settings { torque_constant_tolerance_percent: arguments.torque_constant_tolerance_percent };
-    let axes = logs.identify(settings)?;
-    let responses = frequency::of_logs(paths)?;
-    let all_of = |(name, axis): &(String, LoggedAxis)| {
-        let tolerance = settings.torque_constant_tolerance_percent;
-        let response = responses.get(name).map(|response| response.findings_within(tolerance));
-        (name.clone(), joined(&axis.findings, response.as_ref()))
-    };
-    let found: Findings = axes.iter().map(all_of).collect();
+    let axes = logs.identify_all(settings)?;
+    let found = axis::findings(&axes);
+    let responses: BTreeMap<String, AxisResponse> =
+        axes.iter().filter_map(|axis| Some((axis.name.clone(), axis.response.clone()?))).collect();
     if arguments.json {
         print_json(&found)?;
     } else {
-        let said: String = axes.iter().map(|(name, axis)| format!("{name}: {}\n", axis.summary)).collect();
+        let said: String =
+            axes.iter().map(|axis| format!("{}: {}\n", axis.name, axis.logged.summary)).collect();
         let margins = if responses.is_empty() { String::new() } else { loop_margins(&responses) + "\n\n" };
         print_text(&format!("{margins}{}\n{said}", findings(&found)))?;
     }
     if let Some(folder) = &arguments.report {
-        let page = |(name, axis): &(String, LoggedAxis)| {
-            (name.clone(), AxisPage::of_logged(name, axis, responses.get(name)))
+        let page = |axis: &IdentifiedAxis| {
+            (axis.name.clone(), AxisPage::of_logged(&axis.name, &axis.logged, axis.response.as_ref()))
         };
         let pages = axes.iter().map(page).collect();
         let files = identification::write(folder, &logs.names(), &found, &pages)?;

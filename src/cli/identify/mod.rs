@@ -1,7 +1,7 @@
 //! `quadrant identify`: experiments on a machine, and measured motion in, parameters of the axes with their
 //! intervals out.
 
-mod experiments;
+pub(super) mod experiments;
 mod foreign;
 mod logs;
 
@@ -69,7 +69,7 @@ pub(super) struct Arguments {
 }
 
 /// A share that is a number from 0 to 50 %.
-fn percent(text: &str) -> Result<f64, String> {
+pub(super) fn percent(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if (0.0..=50.0).contains(&value) => Ok(value),
         Ok(_) | Err(_) => Err("wanted is a number from 0 to 50 (%)".to_owned()),

@@ -1,8 +1,8 @@
 //! From options to what is asked of the tuner; what cannot be is refused with the option, value and bound.
 
 use anyhow::{Context, bail, ensure};
+use clap::{Args, ValueEnum};
 
-use super::{Arguments, CountsName, ObjectiveName, Vary};
 use crate::base::units::{Position, Velocity};
 use crate::config::Machine;
 use crate::offline::tune::judge::Requirements;
@@ -12,8 +12,109 @@ use crate::offline::tune::spread::Spread;
 use crate::offline::tune::window::Path;
 use crate::offline::tune::{Counts, Goal, Objective, Request};
 
+/// What may be varied and what must be kept: the same for every verb that tunes.
+#[derive(Debug, Args)]
+pub(in crate::cli) struct SearchArguments {
+    /// Gain set that is tuned: what is not varied is as in it
+    #[arg(long, default_value = "standard", value_name = "NAME")]
+    pub(in crate::cli) from: String,
+    /// Numbers varied beside V_p and V_i
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "LIST")]
+    pub(in crate::cli) vary: Vec<Vary>,
+    /// Gain of the position loop [default: that of the gain set]
+    #[arg(long, value_name = "N", conflicts_with = "kp_max_per_s")]
+    pub(in crate::cli) kp_per_s: Option<f64>,
+    /// Largest gain of the position loop, with `--vary kp` [default: 50]
+    #[arg(long, value_name = "N")]
+    pub(in crate::cli) kp_max_per_s: Option<f64>,
+    /// Least V_p [default: 1 with the paper's objective, otherwise 10]
+    #[arg(long, value_name = "N")]
+    pub(in crate::cli) v_p_min: Option<f64>,
+    /// Largest V_p [default: 100 with the paper's objective, otherwise 1000]
+    #[arg(long, value_name = "N")]
+    pub(in crate::cli) v_p_max: Option<f64>,
+    /// Least V_i
+    #[arg(long, default_value_t = 0.1, value_name = "N")]
+    pub(in crate::cli) v_i_min: f64,
+    /// Largest V_i
+    #[arg(long, default_value_t = 10.0, value_name = "N")]
+    pub(in crate::cli) v_i_max: f64,
+    /// Least phase margin: by the printed formula with the paper's objective [default: 49], otherwise of both
+    /// loops at their real delays [default: 40]
+    #[arg(long, value_name = "DEG")]
+    pub(in crate::cli) phase_margin_deg: Option<f64>,
+    /// Least gain margin of both loops
+    #[arg(long, default_value_t = 8.0, value_name = "DB")]
+    pub(in crate::cli) gain_margin_db: f64,
+    /// Largest sensitivity Ms of both loops
+    #[arg(long, default_value_t = 2.0, value_name = "N")]
+    pub(in crate::cli) ms: f64,
+    /// How far mass, friction and stiffness may be off; 0 for the axes as the file has them
+    #[arg(long, default_value_t = 10.0, value_name = "N")]
+    pub(in crate::cli) spread_percent: f64,
+    /// Plants by chance within the spread [default: its eight corners]
+    #[arg(long, value_name = "N")]
+    pub(in crate::cli) plants: Option<usize>,
+    /// How the plants count in the protrusion
+    #[arg(long, value_enum, default_value_t = CountsName::Worst)]
+    pub(in crate::cli) judge: CountsName,
+    /// Radius of the circle
+    #[arg(long, default_value_t = 150.0, value_name = "MM")]
+    pub(in crate::cli) radius_mm: f64,
+    /// Feed along the circle
+    #[arg(long, default_value_t = 2000.0, value_name = "MM/MIN")]
+    pub(in crate::cli) feed_mm_per_min: f64,
+    /// Seed of everything random
+    #[arg(long, default_value_t = 1, value_name = "N")]
+    pub(in crate::cli) seed: u64,
+    /// Most gains that are looked at
+    #[arg(long, default_value_t = 2_000, value_name = "N")]
+    pub(in crate::cli) evaluations: usize,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(in crate::cli) enum ObjectiveName {
+    /// Eq. (8) of the paper, as printed
+    Paper,
+    /// How far the axes leave their orbit at a reversal
+    Protrusion,
+    /// Ms of the velocity loop
+    Sensitivity,
+    /// Current that the encoder's counts make
+    Noise,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(in crate::cli) enum Vary {
+    Kp,
+    Friction,
+    Inertia,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(in crate::cli) enum CountsName {
+    Worst,
+    Mean,
+}
+
+/// Longest acceleration time of the paper's problem, s.
+pub(in crate::cli) const ACCELERATION_TIME_S: f64 = 0.2;
+
+/// The least protrusion of a machine, and the number of the gain set that is tuned.
+pub(in crate::cli) fn least_protrusion(
+    arguments: &SearchArguments,
+    machine: &Machine,
+) -> anyhow::Result<(Request, u8)> {
+    of(&[ObjectiveName::Protrusion], ACCELERATION_TIME_S, arguments, machine)
+}
+
 /// What is asked, and the number of the gain set that is tuned.
-pub(super) fn of(arguments: &Arguments, machine: &Machine) -> anyhow::Result<(Request, u8)> {
+pub(in crate::cli) fn of(
+    objective: &[ObjectiveName],
+    acceleration_time_s: f64,
+    arguments: &SearchArguments,
+    machine: &Machine,
+) -> anyhow::Result<(Request, u8)> {
     let set = machine.gain_set(&arguments.from).with_context(|| {
         format!(
             "gain set \"{}\" is not in the machine file; it has {}",
@@ -21,9 +122,9 @@ pub(super) fn of(arguments: &Arguments, machine: &Machine) -> anyhow::Result<(Re
             machine.gain_sets.join(", ")
         )
     })?;
-    let is_paper = arguments.objective.contains(&ObjectiveName::Paper);
+    let is_paper = objective.contains(&ObjectiveName::Paper);
     ensure!(
-        !is_paper || (arguments.objective.len() == 1 && arguments.vary.is_empty()),
+        !is_paper || (objective.len() == 1 && arguments.vary.is_empty()),
         "--objective paper stands alone: Eq. (8) knows V_p and V_i only"
     );
     let mut fixed = Choice::of_set(machine, set);
@@ -79,12 +180,11 @@ pub(super) fn of(arguments: &Arguments, machine: &Machine) -> anyhow::Result<(Re
         gain_margin_db_min: within("--gain-margin-db", arguments.gain_margin_db, [0.0, 60.0], "dB")?,
         sensitivity_max: within("--ms", arguments.ms, [1.0, 10.0], "")?,
     };
-    let acceleration_time_s_max =
-        within("--acceleration-time-s", arguments.acceleration_time_s, [1e-3, 100.0], "s")?;
+    let acceleration_time_s_max = within("--acceleration-time-s", acceleration_time_s, [1e-3, 100.0], "s")?;
     let goal = if is_paper {
         Goal::Paper(paper::Request { phase_margin_deg_min: margin_deg, acceleration_time_s_max })
     } else {
-        goal(arguments)?
+        goal(objective, arguments.judge)?
     };
     let (evaluations_max, seed) = (arguments.evaluations, arguments.seed);
     Ok((
@@ -93,13 +193,13 @@ pub(super) fn of(arguments: &Arguments, machine: &Machine) -> anyhow::Result<(Re
     ))
 }
 
-fn margin_deg(arguments: &Arguments, is_paper: bool) -> f64 {
+fn margin_deg(arguments: &SearchArguments, is_paper: bool) -> f64 {
     arguments.phase_margin_deg.unwrap_or(if is_paper { 49.0 } else { 40.0 })
 }
 
-fn goal(arguments: &Arguments) -> anyhow::Result<Goal> {
+fn goal(names: &[ObjectiveName], judge: CountsName) -> anyhow::Result<Goal> {
     let mut objectives = Vec::new();
-    for name in &arguments.objective {
+    for name in names {
         let objective = match name {
             ObjectiveName::Paper => bail!("--objective paper stands alone"),
             ObjectiveName::Protrusion => Objective::Protrusion,
@@ -109,7 +209,7 @@ fn goal(arguments: &Arguments) -> anyhow::Result<Goal> {
         ensure!(!objectives.contains(&objective), "--objective names {name:?} twice");
         objectives.push(objective);
     }
-    let counts = match arguments.judge {
+    let counts = match judge {
         CountsName::Worst => Counts::Worst,
         CountsName::Mean => Counts::Mean,
     };

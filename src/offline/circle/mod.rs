@@ -2,13 +2,15 @@
 //!
 //! Per direction and measuring point (motor encoders, table scales): [`path`] turns columns into a
 //! polar curve, [`deviation`] gives the quantities of the standard and what each axis does to them,
-//! [`protrusion`] measures what is left of every reversal; [`fit`] holds the circles and arcs.
+//! [`protrusion`] measures what is left of every reversal; [`fit`] holds the circles and arcs. [`motions`]
+//! takes a whole test at once.
 //!
 //! Nominal means the commanded circle; deviations are outward positive. Angles count counter-clockwise
 //! from +X in either direction of travel. Invariant: every number leaves here in the unit of its name.
 
 pub mod deviation;
 pub mod fit;
+pub mod motions;
 pub mod paper;
 pub mod path;
 pub mod protrusion;

@@ -37,7 +37,23 @@ pub fn draw(test: &CircularTest, title: &str) -> String {
     legend(&mut svg, test, width);
     for (index, point) in test.points().enumerate() {
         let centre = [PANEL * (index as f64 + 0.5), HEAD + PANEL_HEIGHT / 2.0 - 18.0];
-        panel(&mut svg, test, point, centre);
+        panel(&mut svg, test, point, centre, point.point.name(), deviation_range_um(point));
+    }
+    svg.finish(title)
+}
+
+/// Draws two tests of the same circle side by side, at the motor encoder and on one scale.
+pub fn compare(tests: [(&str, &CircularTest); 2], title: &str) -> String {
+    let width = PANEL * tests.len() as f64;
+    let mut svg = Svg::new(width, HEAD + PANEL_HEIGHT);
+    let heading = TextStyle { is_bold: true, ..text(17.0, Anchor::Middle) };
+    svg.text([width / 2.0, 28.0], heading, title);
+    legend(&mut svg, tests[0].1, width);
+    let [one, other] = tests.map(|(_, test)| deviation_range_um(&test.motor));
+    let values_um = [one[0].min(other[0]), one[1].max(other[1])];
+    for (index, (name, test)) in tests.into_iter().enumerate() {
+        let centre = [PANEL * (index as f64 + 0.5), HEAD + PANEL_HEIGHT / 2.0 - 18.0];
+        panel(&mut svg, test, &test.motor, centre, name, values_um);
     }
     svg.finish(title)
 }
@@ -57,8 +73,14 @@ const fn friction_free_stroke() -> Stroke {
     Stroke::dashed(REFERENCE, 1.1, [5.0, 4.0])
 }
 
-fn panel(svg: &mut Svg, test: &CircularTest, point: &PointAnalysis, centre: [f64; 2]) {
-    let values_um = deviation_range_um(point);
+fn panel(
+    svg: &mut Svg,
+    test: &CircularTest,
+    point: &PointAnalysis,
+    centre: [f64; 2],
+    name: &str,
+    values_um: [f64; 2],
+) {
     let ring_um = round_step((values_um[1] - values_um[0]) / 4.5);
     let low_um = (values_um[0] / ring_um).floor() * ring_um;
     let high_um = (values_um[1] / ring_um).ceil() * ring_um;
@@ -83,7 +105,6 @@ fn panel(svg: &mut Svg, test: &CircularTest, point: &PointAnalysis, centre: [f64
     ring_labels(svg, &polar, ring_um);
     heights(svg, centre, point);
     let bold = TextStyle { is_bold: true, ..text(15.0, Anchor::Middle) };
-    let name = point.point.name();
     svg.text([centre[0], centre[1] - 6.0], bold, name);
     svg.text(
         [centre[0], centre[1] + 14.0],

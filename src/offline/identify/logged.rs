@@ -28,8 +28,9 @@ use crate::base::time::Span;
 use crate::base::units::Force;
 use crate::config::machine::Axis;
 use crate::offline::trace::Trace;
+use crate::plant::effects::Effects;
 use crate::plant::friction::Variant;
-use crate::plant::{self, Actuator, Parameters};
+use crate::plant::{Actuator, Parameters};
 
 /// Slowest stretch that tells sliding friction, as long as the falling part is not known, mm/s; then a multiple of
 /// its end.
@@ -284,7 +285,7 @@ impl<'a> Work<'a> {
             mechanics: self.model.mechanics,
             friction: self.model.friction,
             actuator: self.actuator,
-            ripple: plant::Ripple::NONE,
+            effects: Effects::NONE,
         };
         let mechanics = &mut axis.plant.mechanics;
         mechanics.inertia_kg_m2 =

@@ -8,6 +8,8 @@ use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
+use super::axis::{self, IdentifiedAxis};
+use super::frequency::{self, FrequencyError};
 use super::logged::{LoggedAxis, LoggedError, Settings};
 use crate::config::machine::AXIS_NAMES;
 use crate::config::problem::FileProblems;
@@ -45,6 +47,9 @@ pub enum LogsError {
         /// The one that differs.
         other: PathBuf,
     },
+    /// What was excited in one cannot be read.
+    #[error(transparent)]
+    Excited(#[from] FrequencyError),
     /// No log was named.
     #[error("no log")]
     None,
@@ -147,6 +152,16 @@ impl Logs {
             }
         };
         self.machine.axes.axes().map(one).collect()
+    }
+
+    /// Each axis of the machine with all that the logs tell of it, what was excited too.
+    ///
+    /// # Errors
+    /// When the logs cannot be taken together.
+    pub fn identify_all(&self, settings: Settings) -> Result<Vec<IdentifiedAxis>, LogsError> {
+        let logged = self.identify(settings)?;
+        let responses = frequency::of_logs(&self.paths, &axis::sliding(&self.machine, &logged))?;
+        Ok(IdentifiedAxis::all(logged, responses, settings))
     }
 
     /// The logs as they shall stand on a page.

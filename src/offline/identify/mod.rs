@@ -5,8 +5,8 @@
 //! ```
 //!
 //! [`plan`] is the list of motions that tell the most. [`logs`] opens logs and [`logged`] identifies an axis of
-//! them, from what [`stretches`] finds in the [`measured`] columns, [`frequency`] from what was excited;
-//! [`write_back`] puts it into a machine file. [`foreign`] reads measurements that are no log of ours, by a map of
+//! them, from what [`stretches`] finds in the [`measured`] columns, [`frequency`] from what was excited; [`axis`] has
+//! what both tell, and [`write_back`] puts it into a machine file. [`foreign`] reads measurements that are no log of ours, by a map of
 //! their columns; [`rigid`] fits the axis that has no elasticity to them. [`least_squares`] is what all
 //! regressions share.
 //! Invariant: a value comes with its interval, its unit and the data behind it; what the data do not tell is
@@ -16,6 +16,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
+pub mod axis;
 pub mod breakaway;
 pub mod comparison;
 pub mod current_loop;

@@ -2,18 +2,19 @@
 //! note above the section.
 //!
 //! The parameters of an identification hold together with what it took as known. A file that has another lead,
-//! efficiency, torque constant or mass than the logs gets nothing. Motor and table move as one, so of their sum
-//! the motor gets what the mass of the file leaves.
+//! efficiency or torque constant than the logs gets nothing, nor one with another mass where the mass was not found.
+//! Which values go together is decided in [`super::axis`].
 //! Invariant: only keys that were found change, and the file is replaced as a whole or not at all.
 
 use std::path::{Path, PathBuf};
 
-use super::logged::LoggedAxis;
+use super::axis::IdentifiedAxis;
 use super::logs::Logs;
-use super::{AxisFindings, Estimate};
+use super::{AxisFindings, Estimate, Finding};
 use crate::base::axis::AxisId;
 use crate::config::Machine;
 use crate::config::edit::{EditError, MachineFile};
+use crate::config::machine::Axis;
 use crate::log::header::rfc3339;
 use crate::plant::friction::Variant;
 
@@ -21,8 +22,18 @@ use crate::plant::friction::Variant;
 const MARK: &str = "identified";
 
 /// Findings and the keys that take them, by section.
-const KEYS: [(&str, &[(&str, &str)]); 3] = [
-    ("mechanics", &[("stiffness", "stiffness-n-per-um")]),
+const KEYS: [(&str, &[(&str, &str)]); 4] = [
+    ("board", &[("feedback_latency", "feedback-latency-us")]),
+    ("drive", &[("current_loop", "current-loop-hz"), ("dead_time", "dead-time-us")]),
+    (
+        "mechanics",
+        &[
+            ("mass", "mass-kg"),
+            ("stiffness", "stiffness-n-per-um"),
+            ("damping", "damping-n-s-per-mm"),
+            ("motor_inertia", "motor-inertia-kg-m2"),
+        ],
+    ),
     (
         "friction",
         &[
@@ -33,8 +44,9 @@ const KEYS: [(&str, &[(&str, &str)]); 3] = [
             ("viscous", "viscous-n-s-per-mm"),
         ],
     ),
-    ("drive", &[("current_loop", "current-loop-hz")]),
 ];
+/// Keys with this unit are whole numbers.
+const WHOLE: &str = "-us";
 
 /// Why nothing is written.
 #[derive(Debug, thiserror::Error)]
@@ -77,16 +89,18 @@ pub enum WriteError {
 
 /// Where values come from.
 #[derive(Clone, Debug, PartialEq, Eq)]
-struct Origin {
-    logs: String,
+pub struct Origin {
+    /// Their names.
+    pub logs: String,
     /// When the first of them began.
-    date: String,
+    pub date: String,
     /// Of the program that made it.
-    commit: String,
+    pub commit: String,
 }
 
 impl Origin {
-    fn of(logs: &Logs) -> Self {
+    /// These logs.
+    pub fn of(logs: &Logs) -> Self {
         Self { logs: logs.names(), date: rfc3339(logs.wall_at_zero_ns), commit: logs.commit.clone() }
     }
 }
@@ -94,8 +108,10 @@ impl Origin {
 /// A machine file that shall take what is found in logs.
 #[derive(Debug)]
 pub struct Target {
+    path: PathBuf,
     file: MachineFile,
     machine: Machine,
+    logged: Machine,
     origin: Origin,
 }
 
@@ -108,20 +124,23 @@ impl Target {
         let file = MachineFile::open(path)?;
         let machine = file.machine()?;
         is_same(path, &machine, &logs.machine)?;
-        Ok(Self { file, machine, origin: Origin::of(logs) })
+        let (path, logged) = (path.to_owned(), logs.machine.clone());
+        Ok(Self { path, file, machine, logged, origin: Origin::of(logs) })
     }
 
     /// The file with what was found of each axis.
     ///
     /// # Errors
     /// When nothing was found, or the file would be no sound machine with it.
-    pub fn with(mut self, axes: &[(String, LoggedAxis)]) -> Result<Change, WriteError> {
+    pub fn with(mut self, axes: &[IdentifiedAxis]) -> Result<Change, WriteError> {
         let before = self.file.text();
-        let mut count = 0;
-        for (index, (name, axis)) in axes.iter().enumerate() {
-            count += put(&mut self.file, name, &self.machine, AxisId::new(index), axis, &self.origin)?;
+        for (id, axis) in self.machine.axes.axes().zip(axes) {
+            if axis.findings.get("mass").is_none_or(|mass| mass.estimate().is_none()) {
+                is_known(&self.path, id, MASS, &self.machine.axes[id], &self.logged.axes[id])?;
+            }
         }
-        if count == 0 {
+        let Taken { values, .. } = put(&mut self.file, &self.machine, axes, &self.origin)?;
+        if values == 0 {
             return Err(WriteError::Nothing);
         }
         self.file.machine()?;
@@ -151,6 +170,18 @@ impl Change {
     }
 }
 
+/// A key whose value the identification took as known.
+type Known = (&'static str, fn(&Axis) -> f64);
+
+/// Known, whatever is in the logs.
+const KNOWN: [Known; 3] = [
+    ("mechanics.lead-mm", |axis| 1e3 * axis.plant.mechanics.lead_m),
+    ("mechanics.efficiency", |axis| axis.plant.mechanics.efficiency),
+    ("drive.torque-constant-nm-per-a", |axis| axis.plant.actuator.torque_constant_nm_per_a),
+];
+/// Known, unless a frequency response told it.
+const MASS: Known = ("mechanics.mass-kg", |axis| axis.plant.mechanics.mass_kg);
+
 /// Whether what was taken as known is the same in both.
 fn is_same(file: &Path, here: &Machine, logged: &Machine) -> Result<(), WriteError> {
     let (got, expected) = (here.axes.count(), logged.axes.count());
@@ -158,85 +189,94 @@ fn is_same(file: &Path, here: &Machine, logged: &Machine) -> Result<(), WriteErr
         return Err(WriteError::Axes { file: file.to_owned(), got, expected });
     }
     for (id, axis) in here.axes.iter() {
-        let known = |axis: &crate::config::machine::Axis| {
-            let (mechanics, actuator) = (axis.plant.mechanics, axis.plant.actuator);
-            [
-                ("mechanics.lead-mm", 1e3 * mechanics.lead_m),
-                ("mechanics.efficiency", mechanics.efficiency),
-                ("mechanics.mass-kg", mechanics.mass_kg),
-                ("drive.torque-constant-nm-per-a", actuator.torque_constant_nm_per_a),
-            ]
-        };
-        for ((key, got), (_, expected)) in known(axis).into_iter().zip(known(&logged.axes[id])) {
-            if got != expected {
-                return Err(WriteError::Known {
-                    file: file.to_owned(),
-                    axis: id.to_string(),
-                    key,
-                    got,
-                    expected,
-                });
-            }
+        for known in KNOWN {
+            is_known(file, id, known, axis, &logged.axes[id])?;
         }
     }
     Ok(())
 }
 
-/// Sets all that was found of an axis; how many keys.
-fn put(
-    file: &mut MachineFile,
-    name: &str,
-    machine: &Machine,
-    id: AxisId,
-    axis: &LoggedAxis,
-    origin: &Origin,
-) -> Result<usize, EditError> {
-    let mut count = 0;
-    for (section, keys) in KEYS {
-        let path = format!("axis.{name}.{section}");
-        let mut lines = Vec::new();
-        for (finding, key) in keys {
-            if let Some(estimate) = axis.findings.get(*finding).and_then(|finding| finding.estimate()) {
-                // None of these can be negative; an interval around zero may say so.
-                let value = rounded(estimate.value.max(0.0), estimate);
-                file.set(&format!("{path}.{key}"), value)?;
-                lines.push(line(key, value, estimate));
-            }
-        }
-        if section == "mechanics"
-            && let Some((value, estimate)) = motor_inertia(machine, id, &axis.findings)
-        {
-            file.set(&format!("{path}.motor-inertia-kg-m2"), value)?;
-            lines.push(line("motor-inertia-kg-m2", value, &estimate) + ", less the mass of this file");
-        }
-        if section == "friction"
-            && let Some(variant) = axis.variant
-        {
-            let named = match variant {
-                Variant::Linear => "linear",
-                Variant::Nonlinear => "nonlinear",
-            };
-            file.set(&format!("{path}.variant"), named)?;
-            lines.push(format!("variant {named}: leaves less of reversals that it was not fitted to"));
-        }
-        if !lines.is_empty() {
-            count += lines.len();
-            let head = format!("from {} of {}, made by {}", origin.logs, origin.date, origin.commit);
-            file.note(&path, MARK, &format!("{head}\n{}", lines.join("\n")))?;
-        }
+fn is_known(file: &Path, id: AxisId, (key, of): Known, here: &Axis, logged: &Axis) -> Result<(), WriteError> {
+    let (got, expected) = (of(here), of(logged));
+    if got == expected {
+        return Ok(());
     }
-    Ok(count)
+    Err(WriteError::Known { file: file.to_owned(), axis: id.to_string(), key, got, expected })
 }
 
-/// What the mass in the file leaves of all that turns.
-fn motor_inertia(machine: &Machine, id: AxisId, findings: &AxisFindings) -> Option<(f64, Estimate)> {
-    let total = findings.get("total_inertia")?.estimate()?;
-    let mechanics = &machine.axes[id].plant.mechanics;
-    let table = mechanics.total_inertia_kg_m2() - mechanics.inertia_kg_m2;
-    let less = |value: f64| value - table;
-    let motor = Estimate { value: less(total.value), ci95: total.ci95.map(less), ..total.clone() };
-    // A mass in the file that is more than all that moves is not put right by a motor that weighs nothing.
-    (motor.value > 0.0).then(|| (rounded(motor.value, &motor), motor))
+/// What became of the keys of a file.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Taken {
+    /// How many were set.
+    pub values: usize,
+    /// Those that nothing told, and what would: their values stay as they are.
+    pub kept: Vec<String>,
+}
+
+/// Sets all that was found of the axes of a machine.
+///
+/// # Errors
+/// When the text has no room for a key.
+pub fn put(
+    file: &mut MachineFile,
+    machine: &Machine,
+    axes: &[IdentifiedAxis],
+    origin: &Origin,
+) -> Result<Taken, EditError> {
+    let mut taken = Taken::default();
+    for ((_, before), axis) in machine.axes.iter().zip(axes) {
+        let model = axis.model(before, machine.cycle.period);
+        for (section, keys) in KEYS {
+            let path = format!("axis.{}.{section}", axis.name);
+            let mut lines = put_section(file, &path, keys, &model, &mut taken.kept)?;
+            if section == "friction"
+                && let Some(variant) = axis.logged.variant
+            {
+                let named = match variant {
+                    Variant::Linear => "linear",
+                    Variant::Nonlinear => "nonlinear",
+                };
+                file.set(&format!("{path}.variant"), named)?;
+                lines.push(format!("variant {named}: leaves less of reversals that it was not fitted to"));
+            }
+            if !lines.is_empty() {
+                taken.values += lines.len();
+                let head = format!("from {} of {}, made by {}", origin.logs, origin.date, origin.commit);
+                file.note(&path, MARK, &format!("{head}\n{}", lines.join("\n")))?;
+            }
+        }
+    }
+    Ok(taken)
+}
+
+/// Sets the keys of a section; a line for each that was set.
+fn put_section(
+    file: &mut MachineFile,
+    path: &str,
+    keys: &[(&str, &str)],
+    model: &AxisFindings,
+    kept: &mut Vec<String>,
+) -> Result<Vec<String>, EditError> {
+    let mut lines = Vec::new();
+    for (finding, key) in keys {
+        match model.get(*finding) {
+            Some(Finding::Found(estimate)) => {
+                // None of these can be negative; an interval around zero may say so.
+                let value = estimate.value.max(0.0);
+                let full = format!("{path}.{key}");
+                if key.ends_with(WHOLE) {
+                    file.set(&full, value.round() as i64)?;
+                    lines.push(line(key, value.round(), estimate));
+                } else {
+                    file.set(&full, rounded(value, estimate))?;
+                    lines.push(line(key, rounded(value, estimate), estimate));
+                }
+            }
+            Some(Finding::Unknown { needs, .. }) => kept.push(format!("{path}.{key}: {needs}")),
+            None => kept.push(format!("{path}.{key}: a frequency response")),
+        }
+    }
+    Ok(lines)
 }
 
 fn line(key: &str, value: f64, estimate: &Estimate) -> String {

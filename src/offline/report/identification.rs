@@ -143,7 +143,8 @@ fn page(data: &str, found: &Findings, axes: &BTreeMap<String, AxisPage>) -> Stri
     whole(&format!("Identification · {data}"), &body)
 }
 
-fn table(findings: &AxisFindings) -> Markup {
+/// Parameters with their intervals.
+pub(super) fn table(findings: &AxisFindings) -> Markup {
     html! {
         table {
             thead { tr { th { "parameter" } th { "value" } th { "95 % interval" } th { "unit" } th { "from" } } }

@@ -5,6 +5,7 @@
 //! a reader never sees half a report. Invariant: the page needs nothing beside itself: no script, no
 //! network, no second file.
 
+pub mod autotune;
 pub mod frequency;
 pub mod identification;
 mod page;

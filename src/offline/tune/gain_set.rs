@@ -40,6 +40,19 @@ pub enum WriteError {
     Edit(#[from] EditError),
 }
 
+/// The file of a machine, or a new one with its text.
+///
+/// # Errors
+/// When the file is of another machine or cannot be read.
+pub fn opened(file: &Path, machine: &Machine) -> Result<MachineFile, WriteError> {
+    let edited = if file.exists() { MachineFile::open(file)? } else { MachineFile::create(file, machine)? };
+    if edited.text() != machine.text {
+        let [file, tuned] = [file.display().to_string(), machine.source.clone()];
+        return Err(WriteError::OtherMachine { file, tuned });
+    }
+    Ok(edited)
+}
+
 /// Writes a set of a name into the file of a machine, or into a new file with its text; `source` says where the
 /// numbers come from. Returns the machine as it is then.
 ///
@@ -52,21 +65,44 @@ pub fn write(
     choice: &Choice,
     source: &str,
 ) -> Result<Machine, WriteError> {
-    let mut edited =
-        if file.exists() { MachineFile::open(file)? } else { MachineFile::create(file, machine)? };
-    if edited.text() != machine.text {
-        let [file, tuned] = [file.display().to_string(), machine.source.clone()];
-        return Err(WriteError::OtherMachine { file, tuned });
-    }
+    let mut edited = opened(file, machine)?;
+    put(&mut edited, machine, name, choice)?;
+    note(&mut edited, machine, name, source)?;
+    Ok(edited.replace()?)
+}
+
+/// Whether a set of a name has room in a machine.
+///
+/// # Errors
+/// When it has none.
+pub fn has_room(machine: &Machine, name: &str) -> Result<(), WriteError> {
     if machine.gain_set(name).is_none() && machine.gain_sets.len() >= GAIN_SETS_MAX {
         return Err(WriteError::Full { machine: machine.name.clone(), known: machine.gain_sets.join(", ") });
     }
+    Ok(())
+}
+
+/// Sets the numbers of a set on each axis.
+///
+/// # Errors
+/// When there is no room for the set.
+pub fn put(file: &mut MachineFile, machine: &Machine, name: &str, choice: &Choice) -> Result<(), WriteError> {
+    has_room(machine, name)?;
     for axis in machine.axis_names() {
-        let section = format!("axis.{axis}.gains.{name}");
         for (key, value) in choice.entries() {
-            edited.set(&format!("{section}.{key}"), value)?;
+            file.set(&format!("axis.{axis}.gains.{name}.{key}"), value)?;
         }
-        edited.note(&section, MARK, source)?;
     }
-    Ok(edited.replace()?)
+    Ok(())
+}
+
+/// Says above a set on each axis where its numbers come from.
+///
+/// # Errors
+/// When there is no such set.
+pub fn note(file: &mut MachineFile, machine: &Machine, name: &str, source: &str) -> Result<(), WriteError> {
+    for axis in machine.axis_names() {
+        file.note(&format!("axis.{axis}.gains.{name}"), MARK, source)?;
+    }
+    Ok(())
 }

@@ -20,8 +20,7 @@ use crate::config::Machine;
 use crate::config::machine::{Axis, Gains};
 use crate::offline::in_loop::InLoop;
 use crate::offline::loops::Loops;
-use crate::plant::Plant;
-use crate::plant::friction::Law;
+use crate::plant::{Plant, steady_force};
 
 /// Looked at before and after the reversal; less where the quadrants pass faster.
 const HALF_S: f64 = 0.35;
@@ -41,6 +40,11 @@ impl Path {
     /// Angular speed, rad/s.
     pub fn speed_rad_per_s(&self) -> f64 {
         self.feed.as_m_per_s() / self.radius.as_m()
+    }
+
+    /// The same circle at a share of the feed.
+    pub fn at(&self, share: f64) -> Self {
+        Self { feed: self.feed * share, ..*self }
     }
 }
 
@@ -96,7 +100,8 @@ impl<'m> Window<'m> {
         let turns: Vec<[f64; 2]> = (0..=2 * half + settle).map(turn).collect();
         // The orbit is smaller than the circle, by far less than matters for how the axis slides.
         let velocity = path.feed * -turns[0][1];
-        let sliding = Plant::sliding(&axis.plant, machine.cycle.period, velocity);
+        let place = path.radius * turns[0][0];
+        let sliding = Plant::sliding(&axis.plant, machine.cycle.period, velocity, place);
         Self { machine, axis: *axis, path, sliding, turns, seen_from: settle }
     }
 
@@ -157,7 +162,7 @@ impl<'w> Run<'w> {
         let orbit_m = response.norm() * path.radius.as_m();
         let [cos, sin] = window.turns[0];
         let velocity = Velocity::m_per_s(-orbit_m * path.speed_rad_per_s() * sin);
-        let real = Law::new(axis.plant.friction).sliding(velocity);
+        let real = steady_force(&axis.plant, velocity, path.radius * cos);
 
         // Without a true integrator a torque takes a speed error, and that a distance from the orbit.
         let torque = axis.plant.mechanics.torque_for_force(real);

@@ -19,6 +19,20 @@
 use super::super::maps::{Motion, StepMaps};
 use super::super::params::{Mechanics, Parameters};
 use super::super::{Body, Part};
+use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
+use super::hooks::Action;
+use super::step::Stepping;
+
+pub(super) const ENTRY: Entry = Entry {
+    name: "backlash",
+    summary: "play between screw and table",
+    equation: "no force for |x_m - x_t| < b / 2",
+    parameters: &[Parameter::new("width-um", "um", [0.0, 1_000.0], 5.0, 5.0)],
+    coordinate: Coordinate::WaySinceReversal,
+    experiment: Experiment::SmallReversals,
+    aliases: &[],
+    action: Action::Parameter(|values, axis| axis.mechanics.backlash_m += 1e-6 * values[0]),
+};
 
 /// Lengths of step: each is half of the one before.
 const LEVELS: usize = 7;
@@ -122,41 +136,57 @@ impl Body {
     // Out of the way of the axes that have none.
     #[cold]
     #[inline(never)]
-    pub(in crate::plant) fn advance_with_gap(&mut self, part: &Part, ladder: &Ladder, command_n: f64) {
-        if self.is_running() {
-            let before = self.motion;
-            let (flank, _) = self.gap.contact(&before, self);
+    pub(in crate::plant) fn advance_with_gap<S: Stepping>(
+        &mut self,
+        part: &Part,
+        ladder: &Ladder,
+        command_n: f64,
+        stepping: &S,
+    ) {
+        if stepping.may_span() && self.is_running() {
+            let before = (self.motion, self.remembered);
+            let (flank, _) = self.gap.contact(&self.motion, self);
             if flank != Flank::None {
                 self.motion[0] -= self.gap.rest_m(flank);
-                self.motion = self.slid(&part.whole.slip, command_n);
+                let slides_on = stepping.span(self, &part.whole, command_n);
                 self.motion[0] += self.gap.rest_m(flank);
-                if self.motion[2] * self.slide > 0.0 && self.gap.contact(&self.motion, self).0 == flank {
+                if slides_on && self.gap.contact(&self.motion, self).0 == flank {
                     return;
                 }
-                self.motion = before;
+                (self.motion, self.remembered) = before;
             }
         }
         for _ in 0..part.fine_steps {
-            self.step_with_gap(ladder, 0, command_n);
+            self.step_with_gap(ladder, 0, command_n, stepping);
         }
     }
 
     /// One step of `ladder` at `level`, halved where screw and table touch or part in it.
-    fn step_with_gap(&mut self, ladder: &Ladder, level: usize, command_n: f64) {
-        let before = (self.motion, self.slide);
+    fn step_with_gap<S: Stepping>(&mut self, ladder: &Ladder, level: usize, command_n: f64, stepping: &S) {
+        let before = (self.motion, self.slide, self.remembered);
         let (flank, _) = self.gap.contact(&self.motion, self);
         let rest_m = self.gap.rest_m(flank);
         self.motion[0] -= rest_m;
-        let stands = self.moved(ladder.maps(level, flank), command_n);
+        let stands = stepping.moved(self, ladder.maps(level, flank), command_n);
         self.motion[0] += rest_m;
         let (flank_after, pull_n) = self.gap.contact(&self.motion, self);
         if flank_after != flank && level + 1 < LEVELS {
-            (self.motion, self.slide) = before;
-            self.step_with_gap(ladder, level + 1, command_n);
-            self.step_with_gap(ladder, level + 1, command_n);
+            (self.motion, self.slide, self.remembered) = before;
+            self.step_with_gap(ladder, level + 1, command_n, stepping);
+            self.step_with_gap(ladder, level + 1, command_n, stepping);
         } else if stands {
-            self.break_away(pull_n);
+            let deflection_m = self.motion[0] - self.gap.rest_m(flank_after);
+            stepping.break_away(self, ladder.maps(level, flank_after), deflection_m, pull_n);
         }
+    }
+
+    /// Force of the screw on the table, N.
+    pub(in crate::plant) fn screw_n(&self) -> f64 {
+        if self.gap.is_none() {
+            let stretch_m_per_s = self.motion[1] - self.motion[2];
+            return self.stiffness_n_per_m * self.motion[0] + self.damping_n_s_per_m * stretch_m_per_s;
+        }
+        self.gap.contact(&self.motion, self).1
     }
 }
 

@@ -1,8 +1,89 @@
 //! What real axes have and the two-mass model lacks: one file for each effect, with its equation, its
 //! parameters, where it acts and how far it may be believed.
 //!
-//! An effect that is absent costs nothing and changes no bit: its hook in the step is one branch.
-//! Invariant: an effect never gives the axis energy of its own.
+//! ```text
+//!   machine file ──► Effects ──► Acting ──► forces, friction (step.rs)   ──► Plant
+//!   [axis.*.effects.<name>]            └──► what the sensors show        ──► sim, tuning
+//! ```
+//!
+//! An [`Entry`] says what the file may hold, what a search may take for granted, and how the effect takes part:
+//! as another value of a parameter of the base model, as friction, as a force, or in what a sensor shows. A new
+//! effect is a file with its `ENTRY`, and its name in the list below.
+//! Invariant: an effect whose first value is zero is absent: it costs nothing and changes no bit.
 
-pub(super) mod backlash;
-pub(super) mod ripple;
+pub(in crate::plant) mod acting;
+mod catalogue;
+mod hooks;
+pub(in crate::plant) mod step;
+
+mod viscous_friction;
+mod quadratic_drag;
+mod stribeck;
+mod presliding;
+mod direction_asymmetry;
+mod constant_force;
+mod spring_load;
+mod position_dependent_friction;
+mod load_dependent_friction;
+mod friction_warm_up;
+mod screw_ripple;
+mod motor_cogging;
+mod torque_ripple;
+mod ball_pass_ripple;
+mod torque_saturation;
+mod torque_disturbance;
+mod actuator_delay;
+mod current_loop_lag;
+pub(in crate::plant) mod backlash;
+mod soft_zone;
+mod position_dependent_stiffness;
+mod resonance;
+mod encoder_eccentricity;
+mod encoder_interpolation;
+mod pitch_error;
+mod scale_error;
+mod thermal_growth;
+mod squareness;
+mod cross_coupling;
+mod reversal_compensation;
+
+pub use catalogue::{Coordinate, Effects, Entry, Experiment, Parameter, VALUES_MAX, Values, entry};
+pub(in crate::plant) use hooks::Action;
+pub use hooks::Neighbour;
+
+/// Every effect there is.
+pub const CATALOGUE: &[Entry] = &[
+    viscous_friction::ENTRY,
+    quadratic_drag::ENTRY,
+    stribeck::ENTRY,
+    presliding::ENTRY,
+    direction_asymmetry::ENTRY,
+    constant_force::ENTRY,
+    spring_load::ENTRY,
+    position_dependent_friction::ENTRY,
+    load_dependent_friction::ENTRY,
+    friction_warm_up::ENTRY,
+    screw_ripple::ENTRY,
+    motor_cogging::ENTRY,
+    torque_ripple::ENTRY,
+    ball_pass_ripple::ENTRY,
+    torque_saturation::ENTRY,
+    torque_disturbance::ENTRY,
+    actuator_delay::ENTRY,
+    current_loop_lag::ENTRY,
+    backlash::ENTRY,
+    soft_zone::ENTRY,
+    position_dependent_stiffness::ENTRY,
+    resonance::ENTRY,
+    encoder_eccentricity::ENTRY,
+    encoder_interpolation::ENTRY,
+    pitch_error::ENTRY,
+    scale_error::ENTRY,
+    thermal_growth::ENTRY,
+    squareness::ENTRY,
+    cross_coupling::ENTRY,
+    reversal_compensation::ENTRY,
+];
+
+#[cfg(test)]
+mod tests;

@@ -82,6 +82,57 @@ pub struct Programme {
     pub steps: Box<[Step]>,
 }
 
+impl Programme {
+    /// Lowest and highest place that an axis is sent to; zero is where it stands at the start.
+    pub fn reach(&self, axis: AxisId) -> (Position, Position) {
+        let mut reach = (Position::ZERO, Position::ZERO);
+        let mut see = |place: Position| {
+            reach.0 = if place < reach.0 { place } else { reach.0 };
+            reach.1 = if place > reach.1 { place } else { reach.1 };
+        };
+        for step in &self.steps {
+            match step {
+                Step::Line(way) | Step::Excited { way, .. } => {
+                    way.target[axis.index()].into_iter().for_each(&mut see);
+                }
+                Step::Circle(motion) if axis.index() < 2 => {
+                    let centre = [motion.circle.centre_x, motion.circle.centre_y][axis.index()];
+                    see(centre - motion.circle.radius);
+                    see(centre + motion.circle.radius);
+                }
+                Step::Circle(_) | Step::Dwell { .. } => {}
+            }
+        }
+        reach
+    }
+
+    /// Fastest along a path, with all that is excited at its peak.
+    pub fn velocity_max(&self) -> Velocity {
+        self.steps.iter().fold(Velocity::ZERO, |fastest, step| {
+            let velocity = match step {
+                Step::Line(way) => way.feed,
+                Step::Circle(motion) => motion.circle.feed,
+                Step::Excited { way, excitation } => way.feed + excitation.velocity_max(),
+                Step::Dwell { .. } => Velocity::ZERO,
+            };
+            if velocity > fastest { velocity } else { fastest }
+        })
+    }
+
+    /// Steepest along a path, with all that is excited at its peak.
+    pub fn acceleration_max(&self) -> Acceleration {
+        self.steps.iter().fold(Acceleration::ZERO, |steepest, step| {
+            let acceleration = match step {
+                Step::Line(way) => way.acceleration,
+                Step::Circle(motion) => motion.acceleration_max(),
+                Step::Excited { way, excitation } => way.acceleration + excitation.acceleration_max(),
+                Step::Dwell { .. } => Acceleration::ZERO,
+            };
+            if acceleration > steepest { acceleration } else { steepest }
+        })
+    }
+}
+
 /// What a circular test does.
 #[derive(Clone, Copy, Debug)]
 pub struct CircleTest {

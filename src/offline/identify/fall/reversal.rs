@@ -121,7 +121,7 @@ impl Reversal {
         let mut axis = *axis;
         axis.plant.friction = axis.plant.friction.scaled(self.factor);
         let start = self.position + axis.scale.motor_resolution() * count;
-        let plant = Plant::sliding(&axis.plant, axis.control.tick, self.velocity);
+        let plant = Plant::sliding(&axis.plant, axis.control.tick, self.velocity, start);
         let gains = axis.control.gain_sets[usize::from(self.gain_set)];
         let mut run = InLoop::sliding(&axis, plant, start, self.velocity, &gains);
         let every = axis.control.position_every as usize;

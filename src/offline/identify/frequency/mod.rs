@@ -18,7 +18,6 @@ pub mod parameters;
 pub mod spectra;
 
 use std::collections::BTreeMap;
-use std::io::{Read, Seek};
 use std::path::PathBuf;
 
 use nalgebra::Complex;
@@ -26,8 +25,8 @@ use serde::Serialize;
 use thiserror::Error;
 
 use super::{AxisFindings, Finding};
+use crate::config::Machine;
 use crate::config::machine::AXIS_NAMES;
-use crate::config::{self, Machine};
 use crate::log::{LogError, Reader};
 use crate::offline::loops::Loops;
 use crate::offline::margins::Margins;
@@ -41,12 +40,6 @@ pub enum FrequencyError {
     /// It cannot be read.
     #[error(transparent)]
     Log(#[from] LogError),
-    /// Its machine file is not of this version.
-    #[error("the machine file in the log: {0}")]
-    Machine(String),
-    /// Nothing was excited in it.
-    #[error("no period of an excited motion is whole in the log: `quadrant identify` runs some")]
-    NotExcited,
 }
 
 /// One line of the excitation.
@@ -111,42 +104,25 @@ impl AxisResponse {
     }
 }
 
-/// The axes of logs that were excited, by name; of one that several excited, the last.
+/// The axes of logs of a machine that were excited, by name; of one that several excited, the last.
 ///
 /// # Errors
 /// When a log cannot be read.
-pub fn of_logs(paths: &[PathBuf]) -> Result<BTreeMap<String, AxisResponse>, FrequencyError> {
+pub fn of_logs(
+    paths: &[PathBuf],
+    machine: &Machine,
+) -> Result<BTreeMap<String, AxisResponse>, FrequencyError> {
     let mut all = BTreeMap::new();
     for path in paths {
-        match of_log(&mut Reader::open(path)?) {
-            Err(FrequencyError::NotExcited) => {}
-            responses => all.extend(responses?),
+        let mut collector = Collector::new(machine.cycle.period);
+        for cycle in CyclesOf(&mut Reader::open(path)?) {
+            let RecordedCycle { record, inputs } = cycle?;
+            collector.see(&record, inputs.iter());
         }
+        let name = |axis: &Observed| AXIS_NAMES[axis.axis.index()].to_owned();
+        all.extend(collector.finish().iter().map(|axis| (name(axis), respond(machine, axis))));
     }
     Ok(all)
-}
-
-/// The axes of a log that were excited, by name.
-///
-/// # Errors
-/// When the log cannot be read or nothing was excited in it.
-pub fn of_log<R: Read + Seek>(log: &mut Reader<R>) -> Result<BTreeMap<String, AxisResponse>, FrequencyError> {
-    let (text, sheets) = (log.header().machine_text.clone(), log.header().sheets.clone());
-    let machine = config::from_texts("of the log", &text, &sheets)
-        .map_err(|problems| FrequencyError::Machine(problems.render(false)))?;
-    let mut collector = Collector::new(machine.cycle.period);
-    for cycle in CyclesOf(log) {
-        let RecordedCycle { record, inputs } = cycle?;
-        collector.see(&record, inputs.iter());
-    }
-    let observed = collector.finish();
-    if observed.is_empty() {
-        return Err(FrequencyError::NotExcited);
-    }
-    Ok(observed
-        .iter()
-        .map(|axis| (AXIS_NAMES[axis.axis.index()].to_owned(), respond(&machine, axis)))
-        .collect())
 }
 
 /// The response of one axis against what its machine says.

@@ -6,7 +6,8 @@
 //! ```
 //!
 //! Forces come from torques by the torque constant and the efficiency of the machine file, and are wrong as those
-//! are; so is the mass. What the estimate of the velocity does is known: it is our own.
+//! are; so is the mass. What the estimate of the velocity does is known: it is our own. Viscous friction turns the
+//! lowest lines as an age of the encoders would, the other way; it is taken as the machine has it.
 //! Invariant: what the lines do not tell within half of its value is not told at all.
 
 use std::f64::consts::{SQRT_2, TAU};
@@ -21,7 +22,7 @@ use crate::config::machine::Axis;
 use crate::offline::identify::least_squares::student95;
 use crate::offline::identify::{AxisFindings, Estimate, Finding};
 use crate::offline::loops::hold;
-use crate::plant::response::{delay, motor_speed_per_torque};
+use crate::plant::response::{delay, sliding_speed_per_torque};
 use crate::plant::{Actuator, Mechanics, Parameters};
 
 /// Error of the models themselves, as a share: images of the spectrum around the sampling rate. With 0.1 % the
@@ -245,7 +246,7 @@ impl Data<'_> {
             let candidate = Parameters { mechanics: swinging(axis, at), actuator, ..axis.control.axis };
             let waits = delay(current_loop.delay_s + at[4] * 1e-3, omega) * hold(self.tick.as_s(), omega);
             let seen = axis.velocity_estimate.response(self.tick, omega);
-            motor_speed_per_torque(&candidate, omega) * waits * seen * (per_a * m_per_rad)
+            sliding_speed_per_torque(&candidate, omega) * waits * seen * (per_a * m_per_rad)
         };
         self.fit(Spectrum::plant, model, start)
     }

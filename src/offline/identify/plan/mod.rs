@@ -156,25 +156,7 @@ impl Plan {
 
     /// Lowest and highest place that an axis is sent to.
     pub fn reach(&self, axis: AxisId) -> (Position, Position) {
-        let mut reach = (Position::ZERO, Position::ZERO);
-        let mut see = |place: Position| {
-            reach.0 = if place < reach.0 { place } else { reach.0 };
-            reach.1 = if place > reach.1 { place } else { reach.1 };
-        };
-        for planned in &self.steps {
-            match &planned.step {
-                Step::Line(way) | Step::Excited { way, .. } => {
-                    way.target[axis.index()].into_iter().for_each(&mut see);
-                }
-                Step::Circle(motion) if axis.index() < 2 => {
-                    let centre = [motion.circle.centre_x, motion.circle.centre_y][axis.index()];
-                    see(centre - motion.circle.radius);
-                    see(centre + motion.circle.radius);
-                }
-                Step::Circle(_) | Step::Dwell { .. } => {}
-            }
-        }
-        reach
+        self.programme().reach(axis)
     }
 }
 

@@ -1,4 +1,4 @@
-//! Ripple: friction of nut and bearings that comes back with each turn of the screw.
+//! Screw ripple: friction of nut and bearings that comes back with each turn of the screw.
 //!
 //! ```text
 //!   F(v, x) = F(v) (1 + a sin(2π x / lead + φ))
@@ -11,53 +11,37 @@
 
 use std::f64::consts::TAU;
 
-use super::super::maps::Motion;
+use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
+use super::hooks::{Action, Friction, Instant};
 
-/// How friction varies along the screw.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Ripple {
-    /// Amplitude as a share of the friction, `a`, below 1.
-    pub share: f64,
-    /// Where on the turn the axis starts, `φ`, rad.
-    pub phase_rad: f64,
-}
-
-impl Ripple {
-    /// No ripple.
-    pub const NONE: Self = Self { share: 0.0, phase_rad: 0.0 };
-
-    /// Whether friction is the same everywhere.
-    pub fn is_none(&self) -> bool {
-        self.share == 0.0
-    }
-}
+pub(super) const ENTRY: Entry = Entry {
+    name: "screw-ripple",
+    summary: "friction that comes back with each turn of the screw",
+    equation: "F(v) (1 + a sin(2π x / lead + φ))",
+    parameters: &[Parameter::new("share-percent", "%", [0.0, 50.0], 5.0, 4.0), Parameter::PHASE],
+    coordinate: Coordinate::Angle,
+    experiment: Experiment::Sweep,
+    aliases: &[],
+    action: Action::Friction(|values, axis| {
+        Box::new(Turn {
+            share: 1e-2 * values[0],
+            rad_per_m: TAU / axis.mechanics.lead_m,
+            phase_rad: values[1].to_radians(),
+        })
+    }),
+};
 
 /// The ripple of a screw with its divisions done.
-#[derive(Clone, Copy, Debug)]
-pub(in crate::plant) struct Turn {
-    ripple: Ripple,
+#[derive(Debug)]
+struct Turn {
+    share: f64,
     rad_per_m: f64,
+    phase_rad: f64,
 }
 
-impl Turn {
-    /// Of a screw with this lead.
-    pub(in crate::plant) fn new(ripple: Ripple, lead_m: f64) -> Self {
-        Self { ripple, rad_per_m: TAU / lead_m }
-    }
-
-    /// Whether it does anything.
-    #[inline(always)]
-    pub(in crate::plant) fn is_none(&self) -> bool {
-        self.ripple.share == 0.0
-    }
-
-    /// What friction is multiplied by where the table is.
-    // Out of the way of the axes that have none.
-    #[cold]
-    #[inline(never)]
-    pub(in crate::plant) fn factor(&self, motion: &Motion) -> f64 {
-        let table_m = motion[4] - motion[0];
-        1.0 + self.ripple.share * libm::sin(table_m * self.rad_per_m + self.ripple.phase_rad)
+impl Friction for Turn {
+    fn factor(&self, at: &Instant) -> f64 {
+        1.0 + self.share * libm::sin(at.table_m * self.rad_per_m + self.phase_rad)
     }
 }
 
@@ -72,7 +56,7 @@ mod tests {
     const TICK: Span = Span::us(500);
 
     fn rippled(share: f64, phase_rad: f64) -> Parameters {
-        Parameters { ripple: Ripple { share, phase_rad }, ..paper_axis() }
+        paper_axis().with_effect(&ENTRY, [1e2 * share, phase_rad.to_degrees(), 0.0])
     }
 
     /// A rippled axis held at a speed by a stiff loop: where it is, and the current it takes, at each tick.

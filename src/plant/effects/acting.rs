@@ -1,0 +1,195 @@
+//! The effects of one axis at work, made from their values once for a plant.
+//!
+//! Invariant: immutable; what changes from step to step is in [`Remembered`].
+
+use super::super::friction::Law;
+use super::super::params::Parameters;
+use super::catalogue::{Effects, Entry, Values};
+use super::hooks::{Action, Bristles, Crossing, Force, Friction, Instant, Memory, Neighbour, Reading};
+use crate::base::units::{Force as Newtons, Position, Velocity};
+
+/// Forces of an axis that remember something.
+const MEMORIES_MAX: usize = 4;
+
+/// What the effects of an axis carry from one step to the next.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(in crate::plant) struct Remembered {
+    /// Since the start, s.
+    pub(super) time_s: f64,
+    /// Force of the bristles on the table, N, against its way.
+    pub(super) bristles_n: f64,
+    pub(super) forces: [Memory; MEMORIES_MAX],
+}
+
+impl Remembered {
+    /// Of an axis at rest.
+    pub(in crate::plant) const REST: Self =
+        Self { time_s: 0.0, bristles_n: 0.0, forces: [[0.0; 3]; MEMORIES_MAX] };
+}
+
+/// A force and the number of its memory, if it has one.
+#[derive(Debug)]
+pub(super) struct Forced {
+    pub(super) force: Box<dyn Force>,
+    pub(super) memory: Option<usize>,
+}
+
+impl Forced {
+    /// What it remembers.
+    pub(super) fn memory<'r>(&self, all: &'r Remembered) -> &'r Memory {
+        const NOTHING: &Memory = &[0.0; 3];
+        self.memory.map_or(NOTHING, |number| &all.forces[number])
+    }
+}
+
+/// The effects of one axis at work.
+#[derive(Debug)]
+pub(in crate::plant) struct Acting {
+    effects: Effects,
+    pub(super) friction: Vec<Box<dyn Friction>>,
+    pub(super) forces: Vec<Forced>,
+    pub(super) bristles: Option<Bristles>,
+    motor_encoder: Vec<Box<dyn Reading>>,
+    table_scale: Vec<Box<dyn Reading>>,
+    next_axis: Vec<Box<dyn Crossing>>,
+}
+
+impl Acting {
+    /// The effects of an axis; nothing where it has none.
+    pub(in crate::plant) fn new(axis: &Parameters) -> Option<Self> {
+        (!axis.effects.is_none()).then(|| Self::of(axis, axis.effects.present()))
+    }
+
+    /// These effects in an axis.
+    pub(in crate::plant) fn of<'e>(
+        axis: &Parameters,
+        effects: impl Iterator<Item = (&'static Entry, &'e Values)>,
+    ) -> Self {
+        let mut acting = Self {
+            effects: axis.effects,
+            friction: Vec::new(),
+            forces: Vec::new(),
+            bristles: None,
+            motor_encoder: Vec::new(),
+            table_scale: Vec::new(),
+            next_axis: Vec::new(),
+        };
+        let mut memories = 0;
+        for (entry, values) in effects {
+            match entry.action {
+                // Is in the parameters already.
+                Action::Parameter(_) => {}
+                Action::Friction(make) => acting.friction.push(make(values, axis)),
+                Action::Bristles(make) => acting.bristles = Some(make(values, axis)),
+                Action::Force(make) => {
+                    let force = make(values, axis);
+                    let memory = force.memory(0.0).map(|_| memories);
+                    memories += usize::from(memory.is_some());
+                    acting.forces.push(Forced { force, memory });
+                }
+                Action::MotorEncoder(make) => acting.motor_encoder.push(make(values, axis)),
+                Action::TableScale(make) => acting.table_scale.push(make(values, axis)),
+                Action::NextAxis(make) => acting.next_axis.push(make(values, axis)),
+            }
+        }
+        assert!(memories <= MEMORIES_MAX, "more than {MEMORIES_MAX} forces that remember");
+        acting
+    }
+
+    /// The parameters that the base model is to be computed with.
+    pub(in crate::plant) fn prepared(&self, axis: &Parameters) -> Parameters {
+        let mut prepared = *axis;
+        for forced in &self.forces {
+            forced.force.prepare(&mut prepared);
+        }
+        prepared
+    }
+
+    /// What is remembered in steady sliding, at a friction.
+    pub(in crate::plant) fn remembered(&self, velocity_m_per_s: f64, friction_n: f64) -> Remembered {
+        let mut all = Remembered { bristles_n: friction_n, ..Remembered::REST };
+        for forced in &self.forces {
+            if let (Some(number), Some(memory)) = (forced.memory, forced.force.memory(velocity_m_per_s)) {
+                all.forces[number] = memory;
+            }
+        }
+        all
+    }
+
+    /// What is remembered by an axis that was another until now: all of it if it had the same effects.
+    pub(in crate::plant) fn taken_over(&self, before: Option<&Self>, all: &Remembered) -> Remembered {
+        match before {
+            Some(before) if before.effects == self.effects => *all,
+            _ => Remembered { time_s: all.time_s, ..self.remembered(0.0, 0.0) },
+        }
+    }
+
+    /// Friction in steady sliding at a place of the machine, signed like the velocity, N.
+    pub(in crate::plant) fn steady_friction_n(&self, law: &Law, velocity: Velocity, place: Position) -> f64 {
+        let at = steady(velocity, place, law.sliding(velocity));
+        self.friction_n(law.magnitude_n(at.speed_m_per_s), &at) * at.side
+    }
+
+    /// What the screw has to push with for that.
+    pub(in crate::plant) fn steady_force(&self, law: &Law, velocity: Velocity, place: Position) -> Newtons {
+        let at = steady(velocity, place, law.sliding(velocity));
+        let all = self.remembered(velocity.as_m_per_s(), 0.0);
+        Newtons::n(self.steady_friction_n(law, velocity, place) - self.on_table_n(&at, &all))
+    }
+
+    /// Friction where the law alone would give `even_n`, N.
+    pub(in crate::plant) fn friction_n(&self, even_n: f64, at: &Instant) -> f64 {
+        let mut factor = 1.0;
+        let mut sum_n = even_n;
+        for friction in &self.friction {
+            sum_n += friction.added_n(at);
+            factor *= friction.factor(at);
+        }
+        (sum_n * factor).max(0.0)
+    }
+
+    /// Forces on the table but those of screw and friction, N.
+    pub(in crate::plant) fn on_table_n(&self, at: &Instant, all: &Remembered) -> f64 {
+        self.forces.iter().map(|forced| forced.force.on_table_n(at, forced.memory(all))).sum()
+    }
+
+    /// What is added to the command of the current loop, N.
+    pub(in crate::plant) fn on_command_n(&self, all: &Remembered, step_s: f64) -> f64 {
+        self.forces.iter().map(|forced| forced.force.on_command_n(forced.memory(all), step_s)).sum()
+    }
+
+    /// What motor encoder and table scale show too much at these places, m.
+    pub(in crate::plant) fn reading_errors_m(&self, places_m: [f64; 2], all: &Remembered) -> [f64; 2] {
+        let sum = |readings: &[Box<dyn Reading>], place_m: f64| -> f64 {
+            readings.iter().map(|reading| reading.error_m(place_m, all.time_s)).sum()
+        };
+        [sum(&self.motor_encoder, places_m[0]), sum(&self.table_scale, places_m[1])]
+    }
+
+    /// What the table scale shows too much of the next axis, m; nothing where it shows nothing of it.
+    pub(in crate::plant) fn crossing_m(&self, other: &Neighbour) -> f64 {
+        self.next_axis.iter().map(|crossing| crossing.error_m(other)).sum()
+    }
+
+    /// Whether the table scale shows something of the next axis.
+    pub(in crate::plant) fn is_crossed(&self) -> bool {
+        !self.next_axis.is_empty()
+    }
+}
+
+/// An axis that slides steadily at a place of the machine, its screw pushing with a force.
+fn steady(velocity: Velocity, place: Position, force: Newtons) -> Instant {
+    let (speed, place_m) = (velocity.as_m_per_s(), place.as_m());
+    Instant {
+        motor_m: place_m,
+        motor_m_per_s: speed,
+        table_m: place_m,
+        table_m_per_s: speed,
+        deflection_m: 0.0,
+        drive_n: force.as_n(),
+        screw_n: force.as_n(),
+        speed_m_per_s: speed.abs(),
+        side: speed.signum(),
+        time_s: 0.0,
+    }
+}

@@ -1,0 +1,50 @@
+//! Interpolation error of the motor encoder: sine and cosine of its signal are not alike, so that what it shows
+//! swings once in each period of the signal, or twice.
+//!
+//! ```text
+//!   x_shown = x_m + A sin(2π x_m / p + φ)
+//! ```
+//!
+//! 1 % of the period is usual. The period is that in travel: of an encoder with 2048 lines on a screw of 10 mm,
+//! 4.9 um.
+//! Invariant: a function of the place alone; no force.
+
+use std::f64::consts::TAU;
+
+use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
+use super::hooks::{Action, Reading};
+
+pub(super) const ENTRY: Entry = Entry {
+    name: "encoder-interpolation",
+    summary: "a motor encoder that shows a swing in each period of its signal",
+    equation: "x_shown = x_m + A sin(2π x_m / p + φ)",
+    parameters: &[
+        Parameter::new("amplitude-um", "um", [0.0, 10.0], 0.05, 0.05),
+        Parameter::new("period-um", "um", [0.5, 10_000.0], 4.8828125, 5.0),
+        Parameter::PHASE,
+    ],
+    coordinate: Coordinate::SignalPeriod,
+    experiment: Experiment::Sweep,
+    aliases: &[],
+    action: Action::MotorEncoder(|values, _| {
+        Box::new(Swing {
+            amplitude_m: 1e-6 * values[0],
+            rad_per_m: TAU / (1e-6 * values[1]),
+            phase_rad: values[2].to_radians(),
+        })
+    }),
+};
+
+/// An error that swings along the travel.
+#[derive(Debug)]
+pub(super) struct Swing {
+    pub(super) amplitude_m: f64,
+    pub(super) rad_per_m: f64,
+    pub(super) phase_rad: f64,
+}
+
+impl Reading for Swing {
+    fn error_m(&self, place_m: f64, _time_s: f64) -> f64 {
+        self.amplitude_m * libm::sin(place_m * self.rad_per_m + self.phase_rad)
+    }
+}

@@ -1,0 +1,37 @@
+//! Warm-up of friction: grease and preload give way as an axis gets warm.
+//!
+//! ```text
+//!   F(v) (1 - a (1 - exp(-t / T)))
+//! ```
+//!
+//! Time runs from the start of the plant, as cold as its parameters are.
+//! Invariant: the factor is positive.
+
+use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
+use super::hooks::{Action, Friction, Instant};
+
+pub(super) const ENTRY: Entry = Entry {
+    name: "friction-warm-up",
+    summary: "friction that falls as the axis gets warm",
+    equation: "F(v) (1 - a (1 - exp(-t / T)))",
+    parameters: &[
+        Parameter::new("drop-percent", "%", [-90.0, 90.0], 25.0, 20.0),
+        Parameter::new("time-constant-s", "s", [1.0, 36_000.0], 1_800.0, 1_200.0),
+    ],
+    coordinate: Coordinate::Time,
+    experiment: Experiment::Repetition,
+    aliases: &[],
+    action: Action::Friction(|values, _| Box::new(WarmUp { drop: 1e-2 * values[0], per_s: 1.0 / values[1] })),
+};
+
+#[derive(Debug)]
+struct WarmUp {
+    drop: f64,
+    per_s: f64,
+}
+
+impl Friction for WarmUp {
+    fn factor(&self, at: &Instant) -> f64 {
+        1.0 + self.drop * libm::expm1(-at.time_s * self.per_s)
+    }
+}

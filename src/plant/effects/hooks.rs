@@ -1,0 +1,127 @@
+//! How an effect takes part in an axis: what it is given, and what it may answer.
+//!
+//! All in SI units, in travel; positions are places of the machine, zero where the axis stood at its start.
+//! Invariant: an answer is a pure function of the effect's values, the instant and its memory.
+
+use std::fmt::Debug;
+
+use super::super::params::Parameters;
+use super::Values;
+use crate::base::units::{Force as Newtons, Position};
+
+/// The axis at one instant of a step.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::plant) struct Instant {
+    pub(in crate::plant) motor_m: f64,
+    pub(in crate::plant) motor_m_per_s: f64,
+    pub(in crate::plant) table_m: f64,
+    pub(in crate::plant) table_m_per_s: f64,
+    /// Of the screw, beyond the flank that touches.
+    pub(in crate::plant) deflection_m: f64,
+    /// Of the motor, as its current makes it.
+    pub(in crate::plant) drive_n: f64,
+    /// Of the screw on the table.
+    pub(in crate::plant) screw_n: f64,
+    /// At which the table rubs, not negative.
+    pub(in crate::plant) speed_m_per_s: f64,
+    /// The way that it slides or is pulled, 1 or -1.
+    pub(in crate::plant) side: f64,
+    /// Since the start.
+    pub(in crate::plant) time_s: f64,
+}
+
+/// What a force remembers from one step to the next; zeros at first.
+pub(in crate::plant) type Memory = [f64; 3];
+
+/// A friction beside that of the law.
+pub(in crate::plant) trait Friction: Debug + Send + Sync {
+    /// Added to the law, N.
+    fn added_n(&self, _at: &Instant) -> f64 {
+        0.0
+    }
+    /// By which law and all that is added are multiplied.
+    fn factor(&self, _at: &Instant) -> f64 {
+        1.0
+    }
+}
+
+/// A force that the base model lacks.
+pub(in crate::plant) trait Force: Debug + Send + Sync {
+    /// Added to the command of the current loop, N; held over a step, as a drive does it.
+    fn on_command_n(&self, _memory: &Memory, _step_s: f64) -> f64 {
+        0.0
+    }
+    /// On the motor, N.
+    fn on_motor_n(&self, _at: &Instant, _memory: &Memory) -> f64 {
+        0.0
+    }
+    /// On the table, N.
+    fn on_table_n(&self, _at: &Instant, _memory: &Memory) -> f64 {
+        0.0
+    }
+    /// What the screw seems to be deflected more, m: times its stiffness it pulls the table on and the motor back.
+    fn stretch_m(&self, _at: &Instant) -> f64 {
+        0.0
+    }
+    /// Whether it changes so slowly that one step of a running table may span a tick.
+    fn is_slow(&self) -> bool {
+        false
+    }
+    /// What it remembers when the axis moves steadily at a velocity; nothing for most.
+    fn memory(&self, _velocity_m_per_s: f64) -> Option<Memory> {
+        None
+    }
+    /// A step is over, for what it remembers.
+    fn advance(&self, _memory: &mut Memory, _from: &Instant, _to: &Instant, _step_s: f64) {}
+    /// What it makes of the parameters that the base model is computed with.
+    fn prepare(&self, _axis: &mut Parameters) {}
+}
+
+/// What a sensor shows beside what is.
+pub(in crate::plant) trait Reading: Debug + Send + Sync {
+    /// Error at a place of the machine and a time since the start, m.
+    fn error_m(&self, place_m: f64, time_s: f64) -> f64;
+}
+
+/// What a scale shows of another axis.
+pub(in crate::plant) trait Crossing: Debug + Send + Sync {
+    /// Error at what the other axis does, m.
+    fn error_m(&self, other: &Neighbour) -> f64;
+}
+
+/// What an axis does to the next one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Neighbour {
+    /// Where its table is.
+    pub table: Position,
+    /// Force of its screw on the table.
+    pub force: Newtons,
+}
+
+/// Bristles between table and guide: friction that is a spring until they slip.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::plant) struct Bristles {
+    pub(in crate::plant) stiffness_n_per_m: f64,
+}
+
+/// Made from the values of an effect and the axis it is in.
+type Made<T> = fn(&Values, &Parameters) -> T;
+
+/// How an effect takes part.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::plant) enum Action {
+    /// As another value of a parameter that the base model has.
+    Parameter(fn(&Values, &mut Parameters)),
+    /// As friction.
+    Friction(Made<Box<dyn Friction>>),
+    /// As friction with a spring before it.
+    Bristles(Made<Bristles>),
+    /// As a force.
+    Force(Made<Box<dyn Force>>),
+    /// In what the motor encoder shows.
+    MotorEncoder(Made<Box<dyn Reading>>),
+    /// In what the table scale shows.
+    TableScale(Made<Box<dyn Reading>>),
+    /// In what the table scale shows of the next axis.
+    NextAxis(Made<Box<dyn Crossing>>),
+}

@@ -1,0 +1,47 @@
+//! Cogging: the teeth of the motor's iron pull its magnets, with current or without.
+//!
+//! ```text
+//!   T = ... + A sin(n θ + φ)
+//! ```
+//!
+//! `n` periods in a turn: pole pairs, slots, or their least common multiple. Valid for one harmonic.
+//! Invariant: a function of the angle alone, so conservative.
+
+use std::f64::consts::TAU;
+
+use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
+use super::hooks::{Action, Force, Instant, Memory};
+
+pub(super) const ENTRY: Entry = Entry {
+    name: "motor-cogging",
+    summary: "a torque that swings with the angle of the motor",
+    equation: "T = ... + A sin(n θ + φ)",
+    parameters: &[
+        Parameter::new("torque-nm", "N m", [0.0, 100.0], 0.1, 0.1),
+        Parameter::new("periods-per-turn", "", [1.0, 1_000.0], 12.0, 12.0),
+        Parameter::PHASE,
+    ],
+    coordinate: Coordinate::Angle,
+    experiment: Experiment::Sweep,
+    aliases: &[],
+    action: Action::Force(|values, axis| {
+        Box::new(Cogging {
+            amplitude_n: values[0] * axis.mechanics.force_per_torque(),
+            rad_per_m: values[1] * TAU / axis.mechanics.lead_m,
+            phase_rad: values[2].to_radians(),
+        })
+    }),
+};
+
+#[derive(Debug)]
+struct Cogging {
+    amplitude_n: f64,
+    rad_per_m: f64,
+    phase_rad: f64,
+}
+
+impl Force for Cogging {
+    fn on_motor_n(&self, at: &Instant, _memory: &Memory) -> f64 {
+        self.amplitude_n * libm::sin(at.motor_m * self.rad_per_m + self.phase_rad)
+    }
+}

@@ -1,0 +1,36 @@
+//! Pitch error: the screw carries the table on by more than its angle and by less, again and again.
+//!
+//! ```text
+//!   x_shown = x_t + A sin(2π x_t / p + φ)
+//! ```
+//!
+//! It stands in what the table scale shows against the motor encoder; the forces by which it shakes the table
+//! are left out, below 1 N at 100 mm/s and 10 mm. With the lead as its period it is what an eccentric motor encoder looks like.
+//! Invariant: a function of the place alone; no force.
+
+use std::f64::consts::TAU;
+
+use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
+use super::encoder_interpolation::Swing;
+use super::hooks::Action;
+
+pub(super) const ENTRY: Entry = Entry {
+    name: "pitch-error",
+    summary: "a screw whose lead swings along it",
+    equation: "x_shown = x_t + A sin(2π x_t / p + φ)",
+    parameters: &[
+        Parameter::new("amplitude-um", "um", [0.0, 100.0], 3.0, 2.0),
+        Parameter::new("period-mm", "mm", [0.5, 2_000.0], 10.0, 10.0),
+        Parameter::PHASE,
+    ],
+    coordinate: Coordinate::Angle,
+    experiment: Experiment::Sweep,
+    aliases: &["encoder-eccentricity"],
+    action: Action::TableScale(|values, _| {
+        Box::new(Swing {
+            amplitude_m: 1e-6 * values[0],
+            rad_per_m: TAU / (1e-3 * values[1]),
+            phase_rad: values[2].to_radians(),
+        })
+    }),
+};

@@ -1,0 +1,39 @@
+//! Soft zone: a nut that has lost its preload is softer while little force goes through it.
+//!
+//! ```text
+//!   F_screw = K (d - s clamp(d, -h, h)) + C d'
+//! ```
+//!
+//! The stiffness is `(1 - s) K` up to a deflection of `h`, and `K` beyond.
+//! Invariant: a function of the deflection alone, so conservative.
+
+use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
+use super::hooks::{Action, Force, Instant};
+
+pub(super) const ENTRY: Entry = Entry {
+    name: "soft-zone",
+    summary: "a screw that is softer under little force",
+    equation: "F_screw = K (d - s clamp(d, -h, h)) + C d'",
+    parameters: &[
+        Parameter::new("softness-percent", "%", [0.0, 95.0], 60.0, 30.0),
+        Parameter::new("half-width-um", "um", [0.1, 100.0], 2.0, 2.0),
+    ],
+    coordinate: Coordinate::ScrewForce,
+    experiment: Experiment::SmallReversals,
+    aliases: &[],
+    action: Action::Force(|values, _| {
+        Box::new(SoftZone { softness: 1e-2 * values[0], half_m: 1e-6 * values[1] })
+    }),
+};
+
+#[derive(Debug)]
+struct SoftZone {
+    softness: f64,
+    half_m: f64,
+}
+
+impl Force for SoftZone {
+    fn stretch_m(&self, at: &Instant) -> f64 {
+        -self.softness * at.deflection_m.clamp(-self.half_m, self.half_m)
+    }
+}

@@ -1,0 +1,39 @@
+//! Thermal growth: the screw gets longer as it gets warm, and the table scale shows it.
+//!
+//! ```text
+//!   x_shown = x_t (1 + g (1 - exp(-t / T)))
+//! ```
+//!
+//! 11.5 um/m for each kelvin of a steel screw. The screw is held where the axis stood at its start.
+//! Invariant: no force; nothing at the start.
+
+use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
+use super::hooks::{Action, Reading};
+
+pub(super) const ENTRY: Entry = Entry {
+    name: "thermal-growth",
+    summary: "a screw that grows as it gets warm",
+    equation: "x_shown = x_t (1 + g (1 - exp(-t / T)))",
+    parameters: &[
+        Parameter::new("growth-um-per-m", "um/m", [-1_000.0, 1_000.0], 50.0, 50.0),
+        Parameter::new("time-constant-s", "s", [1.0, 36_000.0], 1_800.0, 1_200.0),
+    ],
+    coordinate: Coordinate::Time,
+    experiment: Experiment::Repetition,
+    aliases: &[],
+    action: Action::TableScale(|values, _| {
+        Box::new(Growth { share: 1e-6 * values[0], per_s: 1.0 / values[1] })
+    }),
+};
+
+#[derive(Debug)]
+struct Growth {
+    share: f64,
+    per_s: f64,
+}
+
+impl Reading for Growth {
+    fn error_m(&self, place_m: f64, time_s: f64) -> f64 {
+        -self.share * place_m * libm::expm1(-time_s * self.per_s)
+    }
+}

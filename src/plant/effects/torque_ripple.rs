@@ -1,0 +1,47 @@
+//! Torque ripple: a torque constant that swings with the angle, of windings and current sensors that are not alike.
+//!
+//! ```text
+//!   T = K_t i (1 + a sin(n θ + φ))
+//! ```
+//!
+//! Grows with the current, which cogging does not.
+//! Invariant: nothing without current.
+
+use std::f64::consts::TAU;
+
+use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
+use super::hooks::{Action, Force, Instant, Memory};
+
+pub(super) const ENTRY: Entry = Entry {
+    name: "torque-ripple",
+    summary: "a torque constant that swings with the angle of the motor",
+    equation: "T = K_t i (1 + a sin(n θ + φ))",
+    parameters: &[
+        Parameter::new("share-percent", "%", [0.0, 50.0], 2.0, 2.0),
+        Parameter::new("periods-per-turn", "", [1.0, 1_000.0], 12.0, 12.0),
+        Parameter::PHASE,
+    ],
+    coordinate: Coordinate::Angle,
+    experiment: Experiment::Accelerations,
+    aliases: &[],
+    action: Action::Force(|values, axis| {
+        Box::new(TorqueRipple {
+            share: 1e-2 * values[0],
+            rad_per_m: values[1] * TAU / axis.mechanics.lead_m,
+            phase_rad: values[2].to_radians(),
+        })
+    }),
+};
+
+#[derive(Debug)]
+struct TorqueRipple {
+    share: f64,
+    rad_per_m: f64,
+    phase_rad: f64,
+}
+
+impl Force for TorqueRipple {
+    fn on_motor_n(&self, at: &Instant, _memory: &Memory) -> f64 {
+        self.share * at.drive_n * libm::sin(at.motor_m * self.rad_per_m + self.phase_rad)
+    }
+}

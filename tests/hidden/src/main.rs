@@ -1,0 +1,193 @@
+//! `hidden`: make machines with a hidden effect, let a program look for it, and score what it says.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::Instant;
+
+use anyhow::{Context, Result};
+use clap::{Parser, Subcommand};
+use hidden::case::Bench;
+use hidden::plan::{Choice, Plan, list};
+use hidden::score;
+use indicatif::{ProgressBar, ProgressStyle};
+use rayon::prelude::*;
+use serde_json::{Value, json};
+
+#[derive(Parser)]
+#[command(about, version)]
+struct Arguments {
+    #[command(subcommand)]
+    verb: Verb,
+}
+
+#[derive(Subcommand)]
+enum Verb {
+    /// Make cases: a folder each, with runs as CSV, machine.toml and truth.json
+    Make {
+        /// Folder of the cases
+        #[arg(long)]
+        out: PathBuf,
+        #[command(flatten)]
+        choice: Choice,
+    },
+    /// Hold answers against the truth
+    Score {
+        /// Folder of the cases
+        #[arg(long)]
+        cases: PathBuf,
+        /// Folder of the answers, a JSON file for each case
+        #[arg(long)]
+        results: PathBuf,
+    },
+    /// Make cases, let a program answer each, and score it
+    Run {
+        /// The program
+        #[arg(long)]
+        quadrant: PathBuf,
+        /// What it is called with, between spaces: {machine} is the machine file, {runs} all runs, {fit} those for
+        /// fitting and {heldout} the others
+        #[arg(long, default_value = "gap --json --machine {machine} {runs}")]
+        arguments: String,
+        /// Folder of cases and answers
+        #[arg(long)]
+        out: PathBuf,
+        /// Keep the runs; otherwise they go once there is an answer, for they are 10 MB a case
+        #[arg(long)]
+        keep: bool,
+        /// Cases side by side
+        #[arg(long, default_value_t = 1)]
+        jobs: usize,
+        #[command(flatten)]
+        choice: Choice,
+    },
+}
+
+fn main() -> Result<()> {
+    match Arguments::parse().verb {
+        Verb::Make { out, choice } => make(&out, &choice),
+        Verb::Score { cases, results } => print_score(&cases, &results),
+        Verb::Run { quadrant, arguments, out, keep, jobs, choice } => {
+            let (cases, results) = (out.join("cases"), out.join("results"));
+            fs::create_dir_all(&results).with_context(|| format!("cannot make {}", results.display()))?;
+            let program = Program { path: quadrant, arguments };
+            work(&choice, jobs, |bench, plan| {
+                let is_made = bench.make(plan, &cases)?.is_some();
+                if is_made {
+                    let answer = program.answer(&cases.join(&plan.id))?;
+                    fs::write(
+                        results.join(format!("{}.json", plan.id)),
+                        serde_json::to_vec_pretty(&answer)?,
+                    )?;
+                    if !keep {
+                        remove_runs(&cases.join(&plan.id))?;
+                    }
+                }
+                Ok(is_made)
+            })?;
+            print_score(&cases, &results)
+        }
+    }
+}
+
+fn make(out: &Path, choice: &Choice) -> Result<()> {
+    let processors = std::thread::available_parallelism().map_or(1, usize::from);
+    work(choice, processors, |bench, plan| Ok(bench.make(plan, out)?.is_some()))
+}
+
+fn print_score(cases: &Path, results: &Path) -> Result<()> {
+    let judged = score::judged(cases, results)?;
+    println!("{}\n{}", score::table(&judged), score::confusion(&judged));
+    Ok(())
+}
+
+/// Cases machine by machine, so that one yardstick is in memory at a time, those of a machine side by side. The work
+/// says whether there is a case.
+fn work(choice: &Choice, jobs: usize, work: impl Fn(&Bench, &Plan) -> Result<bool> + Sync) -> Result<()> {
+    let plans = list(choice);
+    let bar = progress(plans.len());
+    let start = Instant::now();
+    let mut by_machine: BTreeMap<u64, Vec<&Plan>> = BTreeMap::new();
+    for plan in &plans {
+        by_machine.entry(plan.machine).or_default().push(plan);
+    }
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(jobs).build()?;
+    let mut made = 0;
+    for (machine, plans) in by_machine {
+        let bench = Bench::new(machine);
+        let each = |plan: &&Plan| {
+            bar.set_message(plan.id.clone());
+            let is_made = work(&bench, plan)?;
+            bar.inc(1);
+            Ok(usize::from(is_made))
+        };
+        let counts: Result<Vec<usize>> = pool.install(|| plans.par_iter().map(each).collect());
+        made += counts?.iter().sum::<usize>();
+    }
+    bar.finish_and_clear();
+    let seconds = start.elapsed().as_secs_f64();
+    let each = seconds / plans.len().max(1) as f64;
+    let hidden = plans.len() - made;
+    eprintln!("{made} cases, {hidden} more not visible on their machine; {seconds:.0} s, {each:.2} s each");
+    Ok(())
+}
+
+/// What is judged.
+struct Program {
+    path: PathBuf,
+    arguments: String,
+}
+
+impl Program {
+    /// What it says of a case. Whatever is no JSON is a failure, with what it said of it.
+    fn answer(&self, case: &Path) -> Result<Value> {
+        let runs = runs(case)?;
+        let is_held_out =
+            |run: &PathBuf| run.file_name().is_some_and(|name| name.to_string_lossy().starts_with("heldout"));
+        let (held_out, fit): (Vec<PathBuf>, Vec<PathBuf>) = runs.iter().cloned().partition(is_held_out);
+        let mut command = Command::new(&self.path);
+        for argument in self.arguments.split_whitespace() {
+            match argument {
+                "{machine}" => command.arg(case.join("machine.toml")),
+                "{runs}" => command.args(&runs),
+                "{fit}" => command.args(&fit),
+                "{heldout}" => command.args(&held_out),
+                plain => command.arg(plain),
+            };
+        }
+        let start = Instant::now();
+        let output = command.output().with_context(|| format!("cannot run {}", self.path.display()))?;
+        let seconds = start.elapsed().as_secs_f64();
+        let said = serde_json::from_slice(&output.stdout);
+        let mut answer: Value = said.unwrap_or_else(|error| {
+            let stderr = String::from_utf8_lossy(&output.stderr);
+            json!({ "verdict": "failed", "error": format!("{}: {error}\n{stderr}", output.status) })
+        });
+        if let Some(answer) = answer.as_object_mut() {
+            answer.entry("seconds").or_insert(json!(seconds));
+        }
+        Ok(answer)
+    }
+}
+
+/// The runs of a case, in the order in which they were taken or at least in always the same one.
+fn runs(case: &Path) -> Result<Vec<PathBuf>> {
+    let entries = fs::read_dir(case).with_context(|| format!("cannot read {}", case.display()))?;
+    let mut runs: Vec<PathBuf> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
+    runs.retain(|path| path.extension().is_some_and(|end| end == "csv"));
+    runs.sort();
+    Ok(runs)
+}
+
+fn remove_runs(case: &Path) -> Result<()> {
+    for run in runs(case)? {
+        fs::remove_file(&run).with_context(|| format!("cannot remove {}", run.display()))?;
+    }
+    Ok(())
+}
+
+fn progress(count: usize) -> ProgressBar {
+    let style = ProgressStyle::with_template("{bar:40} {pos}/{len} {elapsed}, {eta} left  {msg}");
+    ProgressBar::new(count as u64).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
+}
