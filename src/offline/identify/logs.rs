@@ -2,6 +2,7 @@
 //!
 //! A log carries its machine file, and with it what the identification takes as known: lead, efficiency, torque
 //! constant, mass of the table, damping, encoder. Logs of the same file belong together, whatever was run.
+//! Each is read once: its columns and what was excited in it come from one pass over its cycles.
 //! Invariant: logs of different machine files are refused, not averaged.
 
 use std::path::{Path, PathBuf};
@@ -9,12 +10,14 @@ use std::path::{Path, PathBuf};
 use thiserror::Error;
 
 use super::axis::{self, IdentifiedAxis};
-use super::frequency::{self, FrequencyError};
+use super::frequency;
+use super::frequency::spectra::{Collector, Observed};
 use super::logged::{LoggedAxis, LoggedError, Settings};
 use crate::config::machine::AXIS_NAMES;
 use crate::config::problem::FileProblems;
 use crate::config::{self, Machine};
 use crate::log::{LogError, Reader};
+use crate::offline::recorded::{CyclesOf, RecordedCycle};
 use crate::offline::trace::{Trace, TraceError};
 
 /// Why logs are not identified.
@@ -47,9 +50,6 @@ pub enum LogsError {
         /// The one that differs.
         other: PathBuf,
     },
-    /// What was excited in one cannot be read.
-    #[error(transparent)]
-    Excited(#[from] FrequencyError),
     /// No log was named.
     #[error("no log")]
     None,
@@ -76,6 +76,8 @@ pub struct Logs {
     pub paths: Vec<PathBuf>,
     /// Their columns.
     pub traces: Vec<Trace>,
+    /// What was excited in them.
+    pub excited: Vec<Observed>,
     /// What is wrong with them, one sentence each.
     pub warnings: Vec<String>,
 }
@@ -99,6 +101,7 @@ impl Logs {
                 Some(all) => {
                     all.paths.extend(one.paths);
                     all.traces.extend(one.traces);
+                    all.excited.extend(one.excited);
                     all.warnings.extend(one.warnings);
                 }
             }
@@ -113,8 +116,13 @@ impl Logs {
         let machine = config::from_texts(&source, &header.machine_text, &header.sheets)
             .map_err(|cause| LogsError::Machine { log: path.to_owned(), cause })?;
         let mut failed = None;
-        let records = std::iter::from_fn(|| match reader.next()? {
-            Ok(record) => Some(record),
+        let mut excited = Collector::new(machine.cycle.period);
+        let mut cycles = CyclesOf(&mut reader);
+        let records = std::iter::from_fn(|| match cycles.next()? {
+            Ok(RecordedCycle { record, inputs }) => {
+                excited.see(&record, inputs.iter());
+                Some(record)
+            }
             Err(error) => {
                 failed = Some(error);
                 None
@@ -135,6 +143,7 @@ impl Logs {
             wall_at_zero_ns: header.wall_at_zero_ns,
             paths: vec![path.to_owned()],
             traces: vec![trace],
+            excited: excited.finish(),
             warnings,
         })
     }
@@ -160,7 +169,7 @@ impl Logs {
     /// When the logs cannot be taken together.
     pub fn identify_all(&self, settings: Settings) -> Result<Vec<IdentifiedAxis>, LogsError> {
         let logged = self.identify(settings)?;
-        let responses = frequency::of_logs(&self.paths, &axis::sliding(&self.machine, &logged))?;
+        let responses = frequency::of_observed(&axis::sliding(&self.machine, &logged), &self.excited);
         Ok(IdentifiedAxis::all(logged, responses, settings))
     }
 

@@ -18,29 +18,17 @@ pub mod parameters;
 pub mod spectra;
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
 
 use nalgebra::Complex;
 use serde::Serialize;
-use thiserror::Error;
 
 use super::{AxisFindings, Finding};
 use crate::config::Machine;
 use crate::config::machine::AXIS_NAMES;
-use crate::log::{LogError, Reader};
 use crate::offline::loops::Loops;
 use crate::offline::margins::Margins;
-use crate::offline::recorded::{CyclesOf, RecordedCycle};
 use margins::Uncertainty;
-use spectra::{Collector, Observed};
-
-/// Why a log has no frequency response.
-#[derive(Debug, Error)]
-pub enum FrequencyError {
-    /// It cannot be read.
-    #[error(transparent)]
-    Log(#[from] LogError),
-}
+use spectra::Observed;
 
 /// One line of the excitation.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -104,25 +92,10 @@ impl AxisResponse {
     }
 }
 
-/// The axes of logs of a machine that were excited, by name; of one that several excited, the last.
-///
-/// # Errors
-/// When a log cannot be read.
-pub fn of_logs(
-    paths: &[PathBuf],
-    machine: &Machine,
-) -> Result<BTreeMap<String, AxisResponse>, FrequencyError> {
-    let mut all = BTreeMap::new();
-    for path in paths {
-        let mut collector = Collector::new(machine.cycle.period);
-        for cycle in CyclesOf(&mut Reader::open(path)?) {
-            let RecordedCycle { record, inputs } = cycle?;
-            collector.see(&record, inputs.iter());
-        }
-        let name = |axis: &Observed| AXIS_NAMES[axis.axis.index()].to_owned();
-        all.extend(collector.finish().iter().map(|axis| (name(axis), respond(machine, axis))));
-    }
-    Ok(all)
+/// The axes of a machine that were excited, by name; of one that was excited several times, the last.
+pub fn of_observed(machine: &Machine, observed: &[Observed]) -> BTreeMap<String, AxisResponse> {
+    let one = |axis: &Observed| (AXIS_NAMES[axis.axis.index()].to_owned(), respond(machine, axis));
+    observed.iter().map(one).collect()
 }
 
 /// The response of one axis against what its machine says.
