@@ -99,6 +99,7 @@ fn what_is_not_excited_is_said_to_be_unknown() {
 }
 
 #[test]
+#[ignore = "seconds in release, a minute without optimisation"]
 fn a_coarse_encoder_tells_where_the_fall_ends() {
     let pair = machines::random(1);
     let log = runs::log(&pair.truth, runs::ALL, 1);
@@ -115,6 +116,7 @@ fn a_coarse_encoder_tells_where_the_fall_ends() {
 }
 
 #[test]
+#[ignore = "seconds in release, a minute without optimisation"]
 fn a_drop_is_told_from_a_parabola() {
     let mut machine = common::machine("reference");
     for axis in [X, common::Y] {

@@ -19,7 +19,7 @@ use crate::plant::encoder::Knot;
 use crate::plant::friction::Law;
 use crate::plant::{Mechanics, friction};
 
-/// Share of the way to the measured force that a standing table is taken in a row. With all of it what the fits find
+/// Share of the way to the measured force that a standing table is taken in a row. With all of it what is found
 /// scatters least over machines.
 const FOLLOWED: f64 = 1.0;
 
