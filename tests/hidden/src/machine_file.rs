@@ -116,7 +116,6 @@ fn axis(
             ("fall-end-mm-per-s", number(told.fall_end * 1e3)),
             ("fall-start-mm-per-s", number(told.fall_start * 1e3)),
             ("viscous-n-s-per-mm", number(told.viscous * 1e-3)),
-            ("ripple-percent", number(0.0)),
         ],
     )?;
     section(
