@@ -16,6 +16,7 @@
 pub mod autotune;
 pub mod check;
 pub mod circle;
+pub mod closed_axis;
 pub mod draw;
 pub mod hil;
 pub mod identify;
