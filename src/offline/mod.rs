@@ -18,6 +18,7 @@ pub mod check;
 pub mod circle;
 pub mod closed_axis;
 pub mod draw;
+pub mod gap;
 pub mod hil;
 pub mod identify;
 pub mod in_loop;
