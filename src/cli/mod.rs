@@ -7,6 +7,7 @@
 mod autotune;
 mod check;
 mod circle;
+mod gap;
 mod hil;
 mod identify;
 mod import;
@@ -48,6 +49,8 @@ enum Verb {
     Tune(tune::Arguments),
     /// Identify a machine, tune it, and keep the gains if its circle is better
     Autotune(autotune::Arguments),
+    /// Find where simulation and measurement disagree, and name the effect that is missing
+    Gap(gap::Arguments),
     /// Check a machine file and print what it implies
     Check(check::Arguments),
     /// Summarise, export or recover a log
@@ -109,6 +112,7 @@ pub fn main() -> ExitCode {
         Verb::Identify(arguments) => identify::run(&arguments),
         Verb::Tune(arguments) => tune::run(&arguments),
         Verb::Autotune(arguments) => autotune::run(&arguments),
+        Verb::Gap(arguments) => gap::run(&arguments),
         Verb::Check(arguments) => check::run(&arguments),
         Verb::Log(arguments) => log::run(&arguments),
         Verb::Import(arguments) => import::run(&arguments),

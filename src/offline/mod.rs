@@ -16,7 +16,9 @@
 pub mod autotune;
 pub mod check;
 pub mod circle;
+pub mod closed_axis;
 pub mod draw;
+pub mod gap;
 pub mod hil;
 pub mod identify;
 pub mod in_loop;

@@ -155,6 +155,22 @@ impl Plant {
         plant
     }
 
+    /// An axis that friction holds at rest against this force of its motor, wound up by it; its motor is at zero.
+    ///
+    /// # Panics
+    /// As [`Plant::new`].
+    pub fn standing(axis: &Parameters, tick: Span, force: Force) -> Self {
+        let held_n = Law::new(axis.friction).breakaway().as_n();
+        let force_n = force.as_n().clamp(-held_n, held_n);
+        let mechanics = &axis.mechanics;
+        let side = if force_n == 0.0 { 0.0 } else { force_n.signum() };
+        let deflection_m = force_n / mechanics.stiffness_n_per_m + 0.5 * side * mechanics.backlash_m;
+        let motion = [deflection_m, 0.0, 0.0, force_n, 0.0];
+        let mut plant = Self::from_state(axis, tick, FINE_STEPS, motion, 0.0, Gap::new(mechanics.backlash_m));
+        plant.pending_n = [force_n; DEAD_TICKS_MAX + 1];
+        plant
+    }
+
     /// The same with its zero at another place of the machine.
     #[must_use]
     pub fn placed(mut self, place: Position) -> Self {

@@ -14,8 +14,12 @@
 //! force-limit-n = 350.0
 //! ```
 //!
-//! A value is what stands in the column, times `scale` (1 if absent), in `unit`.
-//! Invariant: rows are even in time and every value is finite; what is not is an error with its line.
+//! A value is what stands in the column, times `scale` (1 if absent), in `unit`. Data with the headers of a trace,
+//! `t_s` and then `x.setpoint_mm`, `x.position_mm`, `x.table_mm`, `x.current_a`, need no map.
+//!
+//! [`Foreign::read`] takes sound data only: rows even in time, every value finite; what is not is an error with its
+//! line. [`Raw::read`] takes the columns as they stand, for whoever looks at what is wrong with them.
+//! Invariant: no value is invented.
 
 use std::collections::BTreeMap;
 use std::io::Read;
@@ -112,6 +116,7 @@ struct Map {
 struct AxisMap {
     setpoint: Option<Column>,
     position: Column,
+    table: Option<Column>,
     force: Option<Column>,
     current: Option<Column>,
     controller: Option<Controller>,
@@ -167,6 +172,8 @@ pub struct ForeignAxis {
     pub setpoint_m: Option<Vec<f64>>,
     /// Measured position, m.
     pub position_m: Vec<f64>,
+    /// Position of the table by a scale of its own, m, if there is one.
+    pub table_m: Option<Vec<f64>>,
     /// What moved it.
     pub effort: Effort,
     /// Who moved it, if that is known.
@@ -193,30 +200,89 @@ impl Foreign {
     /// # Errors
     /// When map or data are not as described above.
     pub fn read(map: &str, data: impl Read) -> Result<Self, ForeignError> {
-        let map: Map = toml::from_str(map)?;
-        if map.axis.is_empty() {
-            return Err(ForeignError::NoAxis);
-        }
-        let table = Table::read(data)?;
-        let time_s = table.column("time", &map.time, &TIMES)?;
-        let period_s = even_step_s(&time_s)?;
-        let axes = map.axis.iter().map(|(name, axis)| Ok((name.clone(), table.axis(name, axis)?)));
-        Ok(Self { period_s, axes: axes.collect::<Result<_, ForeignError>>()? })
+        let raw = Table::read(data, Value::Finite)?.columns(&Map::read(map)?)?;
+        Ok(Self { period_s: even_step_s(&raw.time_s)?, axes: raw.axes })
     }
+}
+
+/// Measurements as they stand in the file: what is no finite number is NaN, and time may do anything.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Raw {
+    /// Time of each row, s.
+    pub time_s: Vec<f64>,
+    /// The axes by name.
+    pub axes: BTreeMap<String, ForeignAxis>,
+}
+
+impl Raw {
+    /// Read the columns that the map names, or, without one, those that are named like a trace's.
+    ///
+    /// # Errors
+    /// When a column is missing or the map is none.
+    pub fn read(map: Option<&str>, data: impl Read) -> Result<Self, ForeignError> {
+        let table = Table::read(data, Value::Any)?;
+        let map = map.map_or_else(|| Ok(Map::of_trace(&table.names)), Map::read)?;
+        table.columns(&map)
+    }
+}
+
+impl Map {
+    fn read(text: &str) -> Result<Self, ForeignError> {
+        let map: Self = toml::from_str(text)?;
+        if map.axis.is_empty() { Err(ForeignError::NoAxis) } else { Ok(map) }
+    }
+
+    /// Of columns that are named as a trace names them.
+    fn of_trace(names: &[String]) -> Self {
+        let column = |column: String, unit: &str| Column { column, unit: unit.to_owned(), scale: one() };
+        let axis = |name: &str| {
+            let table = format!("{name}.table_mm");
+            AxisMap {
+                setpoint: Some(column(format!("{name}.setpoint_mm"), "mm")),
+                position: column(format!("{name}.position_mm"), "mm"),
+                table: names.contains(&table).then(|| column(table, "mm")),
+                force: None,
+                current: Some(column(format!("{name}.current_a"), "A")),
+                controller: None,
+            }
+        };
+        let axes = names.iter().filter_map(|name| name.split_once('.')).map(|(axis, _)| axis);
+        // Without a single axis the message names the columns of the first.
+        let axes: Vec<&str> =
+            if names.iter().any(|name| name.contains('.')) { axes.collect() } else { vec!["x"] };
+        Self {
+            time: column("t_s".to_owned(), "s"),
+            axis: axes.into_iter().map(|name| (name.to_owned(), axis(name))).collect(),
+        }
+    }
+}
+
+/// What may stand in a column.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Value {
+    Finite,
+    Any,
 }
 
 /// The data as text, with the line of each row.
 struct Table {
     names: Vec<String>,
     rows: Vec<csv::StringRecord>,
+    value: Value,
 }
 
 impl Table {
-    fn read(data: impl Read) -> Result<Self, ForeignError> {
+    fn read(data: impl Read, value: Value) -> Result<Self, ForeignError> {
         let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(data);
         let names = reader.headers()?.iter().map(str::to_owned).collect();
         let rows = reader.into_records().collect::<Result<Vec<_>, _>>()?;
-        Ok(Self { names, rows })
+        Ok(Self { names, rows, value })
+    }
+
+    fn columns(&self, map: &Map) -> Result<Raw, ForeignError> {
+        let time_s = self.column("time", &map.time, &TIMES)?;
+        let axes = map.axis.iter().map(|(name, axis)| Ok((name.clone(), self.axis(name, axis)?)));
+        Ok(Raw { time_s, axes: axes.collect::<Result<_, ForeignError>>()? })
     }
 
     fn axis(&self, name: &str, map: &AxisMap) -> Result<ForeignAxis, ForeignError> {
@@ -226,10 +292,13 @@ impl Table {
             (None, Some(current)) => Effort::Current(self.column(&key("current"), current, &CURRENTS)?),
             (Some(_), Some(_)) | (None, None) => return Err(ForeignError::Effort { axis: name.to_owned() }),
         };
-        let setpoint = map.setpoint.as_ref();
+        let length = |quantity: &str, map: &Option<Column>| {
+            map.as_ref().map(|map| self.column(&key(quantity), map, &LENGTHS)).transpose()
+        };
         Ok(ForeignAxis {
-            setpoint_m: setpoint.map(|map| self.column(&key("setpoint"), map, &LENGTHS)).transpose()?,
+            setpoint_m: length("setpoint", &map.setpoint)?,
             position_m: self.column(&key("position"), &map.position, &LENGTHS)?,
+            table_m: length("table", &map.table)?,
             effort,
             controller: map.controller,
         })
@@ -247,7 +316,13 @@ impl Table {
             let (column, available) = (map.column.clone(), self.names.join(", "));
             return Err(ForeignError::NoColumn { key: key.to_owned(), column, available });
         };
-        self.rows.iter().map(|row| Ok(value(row, place, &map.column)? * map.scale * factor)).collect()
+        let unit = map.scale * factor;
+        let read = |row| match (value(row, place, &map.column), self.value) {
+            (Ok(value), _) => Ok(value * unit),
+            (Err(_), Value::Any) => Ok(f64::NAN),
+            (Err(error), Value::Finite) => Err(error),
+        };
+        self.rows.iter().map(read).collect()
     }
 }
 
@@ -333,5 +408,19 @@ mod tests {
             "axis.x.force: scale 0, expected a finite number other than 0"
         );
         assert!(said(MAP, "t,ref,q,u\n0,1,1\n").contains("record 1"), "a row is cut off");
+    }
+
+    #[test]
+    fn a_trace_needs_no_map_and_may_hold_what_is_wrong() {
+        let data = "t_s,x.setpoint_mm,x.position_mm,x.current_a,y.setpoint_mm,y.position_mm,y.table_mm,y.current_a\n\
+                    0,1,2,3,4,5,6,7\n0,nan,2,3,4,,6,7\n";
+        let raw = Raw::read(None, data.as_bytes()).expect("a trace");
+        assert_eq!(raw.time_s, [0.0, 0.0]);
+        assert_eq!(raw.axes["x"].table_m, None);
+        assert_eq!(raw.axes["y"].table_m, Some(vec![6e-3, 6e-3]));
+        assert!(raw.axes["x"].setpoint_m.as_ref().expect("it has one")[1].is_nan());
+        assert!(raw.axes["y"].position_m[1].is_nan());
+        let none = Raw::read(None, "a,b\n1,2\n".as_bytes()).expect_err("no trace").to_string();
+        assert_eq!(none, "time: no column \"t_s\"; the data have a, b");
     }
 }

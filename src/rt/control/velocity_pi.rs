@@ -147,6 +147,11 @@ impl VelocityLoop {
         self.integral_nm = before_nm - self.proportional_nm_s_per_rad * error_rad_per_s - fed_more.as_nm();
     }
 
+    /// Give this torque at this error from the next tick on, as if the integral had come to it.
+    pub fn hold(&mut self, error_rad_per_s: f64, torque: Torque) {
+        self.integral_nm = torque.as_nm() - self.proportional_nm_s_per_rad * error_rad_per_s;
+    }
+
     /// Forget everything: the axis has no current.
     pub fn reset(&mut self) {
         self.integral_nm = 0.0;

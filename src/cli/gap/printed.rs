@@ -1,0 +1,227 @@
+//! What `quadrant gap` prints, for people and for scripts.
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+
+use serde::Serialize;
+
+use crate::config::Machine;
+use crate::offline::gap::analysis::{Analysis, AxisGap, SignalGap, Verdict};
+use crate::offline::gap::fit::Fitted;
+use crate::offline::gap::name::Gate;
+use crate::offline::gap::runs::Run;
+
+/// The answer as one object.
+#[derive(Debug, Serialize)]
+pub(super) struct Printed {
+    verdict: Verdict,
+    effects: Vec<Effect>,
+    located: Vec<Located>,
+    gap: Gap,
+    axes: BTreeMap<String, Axis>,
+    repaired: Vec<String>,
+    seconds: f64,
+}
+
+#[derive(Debug, Serialize)]
+struct Effect {
+    axis: String,
+    name: &'static str,
+    parameters: BTreeMap<&'static str, f64>,
+    interval: BTreeMap<&'static str, [f64; 2]>,
+    confidence: f64,
+    alternatives: Vec<&'static str>,
+}
+
+#[derive(Debug, Serialize)]
+struct Located {
+    axis: String,
+    controller_left_share: Option<f64>,
+}
+
+#[derive(Debug, Serialize)]
+struct Gap {
+    before: BTreeMap<String, f64>,
+    after: BTreeMap<String, f64>,
+    floor: BTreeMap<String, f64>,
+    heldout_closed_fraction: f64,
+}
+
+#[derive(Debug, Serialize)]
+struct Axis {
+    verdict: Verdict,
+    base: BTreeMap<&'static str, f64>,
+    gap: Vec<SignalGap>,
+    left_per_row: [f64; 2],
+    refused: Vec<Refused>,
+}
+
+#[derive(Debug, Serialize)]
+struct Refused {
+    name: &'static str,
+    evidence: f64,
+    failed: Vec<Gate>,
+}
+
+impl Printed {
+    pub(super) fn new(
+        machine: &Machine,
+        _runs: &[Run],
+        analysis: &Analysis<'_>,
+        repaired: Vec<String>,
+    ) -> Self {
+        let names = machine.axis_names();
+        let name = |gap: &AxisGap<'_>| names[gap.id.index()].clone();
+        let mut gap = Gap {
+            before: BTreeMap::new(),
+            after: BTreeMap::new(),
+            floor: BTreeMap::new(),
+            heldout_closed_fraction: 1.0,
+        };
+        let (mut before, mut after) = (0.0, 0.0);
+        for axis in &analysis.axes {
+            for signal in &axis.gap {
+                let key = format!(
+                    "{}.{}_{}",
+                    name(axis),
+                    signal.signal.replace(' ', "_"),
+                    signal.unit.to_lowercase()
+                );
+                gap.before.insert(key.clone(), signal.before);
+                gap.after.insert(key.clone(), signal.after);
+                gap.floor.insert(key, signal.floor);
+                let least = signal.floor.max(1e-9).powi(2);
+                before += (signal.before.powi(2) - signal.floor.powi(2)).max(0.0) / least;
+                after += (signal.after.powi(2) - signal.floor.powi(2)).max(0.0) / least;
+            }
+        }
+        if before > 0.0 {
+            gap.heldout_closed_fraction = 1.0 - after / before;
+        }
+        let effects = analysis
+            .axes
+            .iter()
+            .flat_map(|axis| {
+                let axis_name = name(axis);
+                axis.named.effects.iter().flat_map(move |named| {
+                    let axis_name = axis_name.clone();
+                    named.class.iter().map(move |(candidate, weight)| {
+                        let others = named.class.iter().map(|(other, _)| other.name());
+                        Effect::new(
+                            axis_name.clone(),
+                            &candidate.fitted,
+                            *weight,
+                            others
+                                .filter(|other| *other != candidate.name())
+                                .chain(named.runner_up.map(|(n, _)| n))
+                                .collect(),
+                        )
+                    })
+                })
+            })
+            .collect();
+        let axes = analysis.axes.iter().map(|axis| {
+            let [fit, held] = axis.named.rows;
+            let refused = axis.named.refused.iter().map(|candidate| Refused {
+                name: candidate.name(),
+                evidence: candidate.evidence,
+                failed: candidate.failed.clone(),
+            });
+            let printed = Axis {
+                verdict: axis.verdict,
+                base: axis
+                    .named
+                    .model
+                    .model
+                    .base_values()
+                    .into_iter()
+                    .map(|(base, value)| (base.name, value))
+                    .collect(),
+                gap: axis.gap.clone(),
+                left_per_row: [
+                    axis.named.model.cost / fit.max(1) as f64,
+                    axis.named.held / held.max(1) as f64,
+                ],
+                refused: refused.collect(),
+            };
+            (name(axis), printed)
+        });
+        Self {
+            verdict: analysis.axes.iter().map(|axis| axis.verdict).max().unwrap_or(Verdict::Insufficient),
+            effects,
+            located: analysis
+                .axes
+                .iter()
+                .map(|axis| Located {
+                    axis: name(axis),
+                    controller_left_share: axis.controller.map(|found| found.left_share),
+                })
+                .collect(),
+            gap,
+            axes: axes.collect(),
+            repaired,
+            seconds: analysis.seconds,
+        }
+    }
+
+    pub(super) fn text(&self) -> String {
+        let mut text = String::new();
+        for (name, axis) in &self.axes {
+            let _ = writeln!(text, "axis {name}: {:?}", axis.verdict);
+            for signal in &axis.gap {
+                let _ = writeln!(
+                    text,
+                    "  {:16} {:9.4} {unit} as filed, {:9.4} {unit} with the base fitted, {:9.4} {unit} with the effects; noise {:.4} {unit}",
+                    signal.signal,
+                    signal.file,
+                    signal.before,
+                    signal.after,
+                    signal.floor,
+                    unit = signal.unit
+                );
+            }
+            for refused in &axis.refused {
+                let _ = writeln!(
+                    text,
+                    "  refused: {} ({:.0}): {:?}",
+                    refused.name, refused.evidence, refused.failed
+                );
+            }
+        }
+        for effect in &self.effects {
+            let _ = writeln!(
+                text,
+                "{} on {}: {:?}, 95 % {:?}, confidence {:.2}, else {:?}",
+                effect.name,
+                effect.axis,
+                effect.parameters,
+                effect.interval,
+                effect.confidence,
+                effect.alternatives
+            );
+        }
+        let _ =
+            writeln!(text, "closed on rows not fitted: {:.1} %", 100.0 * self.gap.heldout_closed_fraction);
+        text
+    }
+}
+
+impl Effect {
+    fn new(axis: String, fitted: &Fitted, confidence: f64, alternatives: Vec<&'static str>) -> Self {
+        let mut effect = Self {
+            axis,
+            name: "",
+            parameters: BTreeMap::new(),
+            interval: BTreeMap::new(),
+            confidence,
+            alternatives,
+        };
+        let Some(tried) = fitted.model.effects.last() else { return effect };
+        effect.name = tried.entry.name;
+        for (key, value, interval) in fitted.last_effect() {
+            effect.parameters.insert(key, value);
+            effect.interval.insert(key, interval);
+        }
+        effect
+    }
+}

@@ -1,0 +1,384 @@
+//! The five steps in order, over all runs of a machine.
+//!
+//! Invariant: the same runs give the same verdict, to the bit.
+
+use std::collections::BTreeMap;
+use std::time::Instant;
+
+use serde::Serialize;
+use thiserror::Error;
+
+use super::controller::{self, Match};
+use super::fit::Fitted;
+use super::floor::{self, Noise, Repeat};
+use super::forward::{Course, Signals};
+use super::model::{BASE, Model};
+use super::name::{self, Named};
+use super::problem::{AxisData, Part, Problem, SIGNALS};
+use super::runs::Run;
+use crate::base::axis::AxisId;
+use crate::config::Machine;
+use crate::rt::wire::scaling::TravelCounts;
+
+/// What no encoder or drive resolves: m, m, A. Below it two formulations of the same physics differ.
+const LEAST: [f64; SIGNALS.len()] = [2e-9, 2e-9, 2e-3];
+/// A run of laps is judged by its last, by this share of its rows where it has none.
+const HELD_SHARE: f64 = 0.3;
+/// Another gain set explains the current so much better: the wrong one was named.
+const OTHER_GAINS: f64 = 0.5;
+/// A gap that moves an axis or its current by less is none that anybody would look for: um, share of the current.
+pub const PRACTICAL: (f64, f64) = (0.1, 0.005);
+
+/// Why there is no analysis.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum GapError {
+    /// The gain set is none of the machine's.
+    #[error("the machine has no gain set \"{name}\"; it has {known}")]
+    NoGains {
+        /// What was asked for.
+        name: String,
+        /// What there is.
+        known: String,
+    },
+    /// The data were made with other gains.
+    #[error(
+        "axis {axis}: the current is that of gain set \"{found}\" and not of \"{asked}\" (what they leave of it: {found_percent:.1} % and {asked_percent:.1} %); give --gains {found}"
+    )]
+    OtherGains {
+        /// Which axis.
+        axis: String,
+        /// What was asked for.
+        asked: String,
+        /// What fits.
+        found: String,
+        /// What the one leaves of the current.
+        found_percent: f64,
+        /// And the other.
+        asked_percent: f64,
+    },
+}
+
+/// What is asked.
+#[derive(Clone, Debug)]
+pub struct Request {
+    /// Gain set of the runs.
+    pub gains: String,
+    /// Axes to look at; all that the runs have if empty.
+    pub axes: Vec<AxisId>,
+}
+
+/// The verdict on an axis, or on all.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Verdict {
+    /// Model and data agree.
+    NothingMissing,
+    /// They agree once the base parameters are right.
+    ParameterOnly,
+    /// The data do not excite what would tell.
+    Insufficient,
+    /// Something real is left that no effect of the catalogue explains.
+    Unknown,
+    /// One of several effects, which these data do not tell apart.
+    Class,
+    /// The effect has a name.
+    Named,
+}
+
+/// An axis with its answer.
+pub struct AxisGap<'m> {
+    /// Which axis.
+    pub id: AxisId,
+    /// Its runs.
+    pub problem: Problem<'m>,
+    /// How well the loops alone explain the current.
+    pub controller: Option<Match>,
+    /// What it lacks.
+    pub named: Named,
+    /// In a word.
+    pub verdict: Verdict,
+    /// The gap in rms, by signal: before, after, floor; on the rows that were not fitted.
+    pub gap: Vec<SignalGap>,
+}
+
+/// The gap of one signal on rows that no model has seen.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SignalGap {
+    /// Which signal.
+    pub signal: &'static str,
+    /// Unit of the rms values.
+    pub unit: &'static str,
+    /// With the machine file as it is.
+    pub file: f64,
+    /// With its base parameters fitted.
+    pub before: f64,
+    /// With the effects.
+    pub after: f64,
+    /// Noise.
+    pub floor: f64,
+}
+
+impl SignalGap {
+    /// Which share of the excess over the noise is gone.
+    pub fn closed_share(&self) -> f64 {
+        let excess = self.before.powi(2) - self.floor.powi(2);
+        if excess <= 0.0 { 1.0 } else { 1.0 - (self.after.powi(2) - self.floor.powi(2)).max(0.0) / excess }
+    }
+}
+
+/// Everything that was found.
+pub struct Analysis<'m> {
+    /// The repeats that tell the noise.
+    pub repeats: Vec<Repeat>,
+    /// The axes.
+    pub axes: Vec<AxisGap<'m>>,
+    /// How long it took, s.
+    pub seconds: f64,
+}
+
+/// Looks for what a machine file lacks.
+///
+/// # Errors
+/// When the runs were not made with the gains that are named.
+pub fn analyse<'m>(
+    machine: &'m Machine,
+    runs: &[Run],
+    request: &Request,
+    progress: &(dyn Fn(&str) + Sync),
+) -> Result<Analysis<'m>, GapError> {
+    let began = Instant::now();
+    let gain_set = machine.gain_sets.iter().position(|name| *name == request.gains).ok_or_else(|| {
+        GapError::NoGains { name: request.gains.clone(), known: machine.gain_sets.join(", ") }
+    })? as u8;
+    progress("looking for repeats");
+    let repeats = floor::repeats(runs);
+    let ids: Vec<AxisId> = machine
+        .axes
+        .axes()
+        .filter(|id| request.axes.is_empty() || request.axes.contains(id))
+        .filter(|id| runs.iter().any(|run| run.axes.contains_key(id)))
+        .collect();
+    let mut axes = Vec::new();
+    for id in ids {
+        axes.push(axis(machine, runs, &repeats, id, gain_set, progress)?);
+    }
+    Ok(Analysis { repeats, axes, seconds: began.elapsed().as_secs_f64() })
+}
+
+fn axis<'m>(
+    machine: &'m Machine,
+    runs: &[Run],
+    repeats: &[Repeat],
+    id: AxisId,
+    gain_set: u8,
+    progress: &(dyn Fn(&str) + Sync),
+) -> Result<AxisGap<'m>, GapError> {
+    let axis_name = machine.axis_names()[id.index()].clone();
+    let say = |what: &str| progress(&format!("axis {axis_name}: {what}"));
+    say("the controller alone");
+    let (controller, phases) = loops(machine, runs, id, gain_set, &axis_name)?;
+    let measured: Vec<Option<Signals>> =
+        runs.iter().map(|run| run.axes.get(&id).map(Signals::measured)).collect();
+    // A count is as wide for each pass of a command: what it hides does not show in their difference.
+    let scale = &machine.axes[id].scale;
+    let count_m = scale.motor_resolution().as_m() / 12_f64.sqrt();
+    let table_m = scale.table_position(TravelCounts::counts(1)).as_m().abs() / 12_f64.sqrt();
+    let least = [LEAST[0].hypot(count_m), LEAST[1].hypot(count_m).hypot(table_m), LEAST[2]];
+    let noises = std::array::from_fn(|signal| {
+        let (_, _, pick) = SIGNALS[signal];
+        let has = measured.iter().flatten().any(|signals| !pick(signals).is_empty());
+        if has { floor::noise(repeats, runs, &measured, pick, least[signal]) } else { None }
+    });
+    let data = data(machine, runs, repeats, id, &measured, &phases);
+    let problem = Problem::new(machine, id, gain_set, data, noises);
+    let start = Model::new(machine.axes[id].plant);
+    let peaks = |model: &Model, key: &str| super::spectrum::peaks(&problem, model, key);
+    let named = name::name(&problem, &start, &peaks, &say);
+    let gap = gaps(&problem, &start, &named);
+    let verdict = verdict(&named, &gap);
+    Ok(AxisGap { id, problem, controller, named, verdict, gap })
+}
+
+/// How well the loops explain the current, and in which row of each run the position loop acts first.
+fn loops(
+    machine: &Machine,
+    runs: &[Run],
+    id: AxisId,
+    gain_set: u8,
+    axis: &str,
+) -> Result<(Option<Match>, Vec<usize>), GapError> {
+    let all: Vec<Vec<Match>> = runs.iter().map(|run| controller::matches(machine, id, run)).collect();
+    let own = |matches: &[Match]| matches.iter().find(|found| found.gain_set == gain_set).copied();
+    let phases = all.iter().map(|matches| own(matches).map_or(0, |found| found.phase)).collect();
+    let sum = |set: u8| -> f64 {
+        let of = |matches: &Vec<Match>| {
+            matches.iter().find(|found| found.gain_set == set).map(|found| found.left_share)
+        };
+        all.iter().filter_map(of).sum::<f64>()
+    };
+    let count = all.iter().filter(|matches| !matches.is_empty()).count().max(1) as f64;
+    let left = sum(gain_set) / count;
+    for other in (0..machine.gain_sets.len() as u8).filter(|other| *other != gain_set) {
+        let other_left = sum(other) / count;
+        if other_left < OTHER_GAINS * left && other_left < 0.1 {
+            return Err(GapError::OtherGains {
+                axis: axis.to_owned(),
+                asked: machine.gain_sets[usize::from(gain_set)].clone(),
+                found: machine.gain_sets[usize::from(other)].clone(),
+                found_percent: 100.0 * other_left,
+                asked_percent: 100.0 * left,
+            });
+        }
+    }
+    let first = all.iter().find_map(|matches| own(matches));
+    Ok((first.map(|found| Match { left_share: left, ..found }), phases))
+}
+
+/// The runs of an axis, with the rows that judge.
+fn data(
+    machine: &Machine,
+    runs: &[Run],
+    repeats: &[Repeat],
+    id: AxisId,
+    measured: &[Option<Signals>],
+    phases: &[usize],
+) -> Vec<AxisData> {
+    const ORDER: usize = 12;
+    let groups = groups(runs, repeats);
+    let held_groups = held_groups(runs, &groups);
+    let mut all = Vec::new();
+    for (index, run) in runs.iter().enumerate() {
+        let (Some(course), Some(measured)) = (Course::new(run, machine, id, phases[index]), &measured[index])
+        else {
+            continue;
+        };
+        let counts = Problem::counting(run, ORDER);
+        let rows = run.len();
+        let is_held = |row: usize| match &held_groups {
+            Some(held) => held.contains(&groups[index]),
+            None => row >= ((1.0 - HELD_SHARE) * rows as f64) as usize,
+        };
+        let held: Vec<bool> =
+            counts.iter().enumerate().map(|(row, counts)| *counts && is_held(row)).collect();
+        let fit = counts.iter().zip(&held).map(|(counts, held)| *counts && !held).collect();
+        all.push(AxisData { run: index, course, measured: measured.clone(), fit, held });
+    }
+    all
+}
+
+/// Which runs have the same command: a number for each run.
+fn groups(runs: &[Run], repeats: &[Repeat]) -> Vec<usize> {
+    let mut groups: Vec<usize> = (0..runs.len()).collect();
+    for repeat in repeats {
+        let [first, second] = repeat.runs.map(|run| groups[run]);
+        for group in &mut groups {
+            if *group == second {
+                *group = first;
+            }
+        }
+    }
+    groups
+}
+
+/// Runs that judge: those that are called so, or of three circles and more one whose feed lies between the others'.
+fn held_groups(runs: &[Run], groups: &[usize]) -> Option<Vec<usize>> {
+    let is_called = |run: &Run| ["held", "holdout"].iter().any(|word| run.name.to_lowercase().contains(word));
+    let called: Vec<usize> =
+        runs.iter().zip(groups).filter(|(run, _)| is_called(run)).map(|(_, group)| *group).collect();
+    if !called.is_empty() && called.len() < runs.len() {
+        return Some(called);
+    }
+    let feed = |run: &Run| -> f64 {
+        let steps = run.axes.values().map(|axis| {
+            axis.setpoint_m.windows(2).map(|pair| (pair[1] - pair[0]).abs()).fold(0.0, f64::max)
+                / run.period_s
+        });
+        steps.fold(0.0, f64::max)
+    };
+    let is_circle = |run: &Run| {
+        let moving = run
+            .axes
+            .values()
+            .filter(|axis| axis.setpoint_m.iter().any(|at| (at - axis.setpoint_m[0]).abs() > 1e-4));
+        moving.count() >= 2
+    };
+    let mut circles: BTreeMap<usize, f64> = BTreeMap::new();
+    for (run, group) in runs.iter().zip(groups) {
+        if is_circle(run) {
+            circles.entry(*group).or_insert_with(|| feed(run));
+        }
+    }
+    if circles.len() < 3 {
+        return None;
+    }
+    let mut by_feed: Vec<(usize, f64)> = circles.into_iter().collect();
+    by_feed.sort_by(|a, b| a.1.total_cmp(&b.1));
+    Some(vec![by_feed[by_feed.len() / 2].0])
+}
+
+/// Rms of what models leave of the rows that were not fitted.
+fn gaps(problem: &Problem<'_>, file: &Model, named: &Named) -> Vec<SignalGap> {
+    let rms = |model: &Model| -> [f64; SIGNALS.len()] {
+        let (mut sums, mut counts) = ([0.0; SIGNALS.len()], [0usize; SIGNALS.len()]);
+        for place in (0..problem.data.len()).filter(|place| problem.data[*place].has(Part::Held)) {
+            let simulated = problem.simulated(place, model);
+            for (signal, (_, _, pick)) in SIGNALS.iter().enumerate() {
+                let left = problem.left(place, &simulated, *pick, Part::Held);
+                for (value, counts_here) in left.iter().zip(problem.data[place].rows(Part::Held)) {
+                    if *counts_here {
+                        sums[signal] += value * value;
+                        counts[signal] += 1;
+                    }
+                }
+            }
+        }
+        std::array::from_fn(|signal| (sums[signal] / counts[signal].max(1) as f64).sqrt())
+    };
+    let [file, before, after] = [file, &named.base.model, &named.model.model].map(rms);
+    let of = |(signal, noise): (usize, &Option<Noise>)| {
+        let noise = noise.as_ref()?;
+        let (name, unit, _) = SIGNALS[signal];
+        let (factor, unit) = if unit == "m" { (1e6, "um") } else { (1.0, unit) };
+        Some(SignalGap {
+            signal: name,
+            unit,
+            file: factor * file[signal],
+            before: factor * before[signal],
+            after: factor * after[signal],
+            floor: factor * noise.rms,
+        })
+    };
+    problem.noises.iter().enumerate().filter_map(of).collect()
+}
+
+fn verdict(named: &Named, gap: &[SignalGap]) -> Verdict {
+    let excess = |value: f64, floor: f64| (value * value - floor * floor).max(0.0).sqrt();
+    let is_real = |of: fn(&SignalGap) -> f64| {
+        gap.iter().any(|signal| {
+            let rest = excess(of(signal), signal.floor);
+            if signal.unit == "um" {
+                rest > PRACTICAL.0.max(0.5 * signal.floor)
+            } else {
+                rest > 0.5 * signal.floor.max(0.02)
+            }
+        })
+    };
+    if !named.effects.is_empty() {
+        return if named.effects.iter().any(|effect| effect.class.len() > 1) {
+            Verdict::Class
+        } else {
+            Verdict::Named
+        };
+    }
+    if is_real(|signal| signal.after) {
+        return Verdict::Unknown;
+    }
+    let moved = |fitted: &Fitted| {
+        fitted.model.base.iter().zip(&BASE).any(|(coordinate, base)| (coordinate * base.prior).abs() > 0.03)
+    };
+    if is_real(|signal| signal.file) && moved(&named.base) {
+        Verdict::ParameterOnly
+    } else {
+        Verdict::NothingMissing
+    }
+}

@@ -1,0 +1,94 @@
+//! The controller alone: measured positions through the loops of the machine file, the current they ask for beside
+//! the current that was measured. No plant takes part, so what differs is the controller's, or behind it the drive's.
+//!
+//! Invariant: a difference here is no matter of friction or mechanics.
+
+use super::forward::SETTLE_S;
+use super::runs::{AxisRun, Run};
+use crate::base::axis::AxisId;
+use crate::base::sample::{Freshness, Sample};
+use crate::base::setpoint::Setpoint;
+use crate::base::units::{Current, Position};
+use crate::config::Machine;
+use crate::rt::control::{AxisLoop, Settings};
+use crate::rt::drive::velocity::VelocityEstimator;
+
+/// What the loops ask for along measured positions, behind the lag of the current loop, A.
+pub fn replayed(machine: &Machine, id: AxisId, gain_set: u8, run: &AxisRun, phase: usize) -> Vec<f64> {
+    let axis = &machine.axes[id];
+    let every = machine.cycle.position_every as usize;
+    let tick = axis.control.tick;
+    let mut settings = Settings { gain_set_count: 1, ..axis.control };
+    settings.gain_sets[0] = axis.control.gain_sets[usize::from(gain_set)];
+    let mut loops = AxisLoop::new(&settings);
+    let mut estimator = VelocityEstimator::new(axis.velocity_estimate, tick);
+    let keep = (-tick.as_s() / axis.plant.actuator.lag_s()).exp();
+    let mut behind_a = run.current_a[0];
+    let rows = run.setpoint_m.len();
+    (0..rows)
+        .map(|row| {
+            let position = Position::m(run.position_m[row]);
+            let velocity = estimator.advance(position, 1);
+            let sample = Sample {
+                freshness: Freshness::Fresh,
+                position,
+                velocity,
+                current: Current::a(run.current_a[row]),
+                ..Sample::default()
+            };
+            let setpoint = Setpoint { position: Position::m(run.setpoint_m[row]), ..Setpoint::default() };
+            // The velocity of the first rows is not known yet.
+            if row == 3 {
+                loops.take_over(
+                    &setpoint,
+                    &sample,
+                    axis.plant.actuator.torque(Current::a(run.current_a[row])),
+                );
+            }
+            let shown_a = behind_a;
+            if row >= 3 {
+                let answer = loops.step(&setpoint, &sample, row % every == phase);
+                loops.pass(1);
+                behind_a = keep * behind_a + (1.0 - keep) * answer.current.as_a();
+            }
+            shown_a
+        })
+        .collect()
+}
+
+/// How well loops explain the current of an axis.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Match {
+    /// Which gains.
+    pub gain_set: u8,
+    /// In which row the position loop acts first.
+    pub phase: usize,
+    /// Rms of what they do not explain as a share of the rms of the current; its slow part is left out.
+    pub left_share: f64,
+}
+
+/// The best of all gain sets and phases first.
+pub fn matches(machine: &Machine, id: AxisId, run: &Run) -> Vec<Match> {
+    let Some(axis) = run.axes.get(&id) else { return Vec::new() };
+    let first = ((SETTLE_S / run.period_s) as usize).min(run.len());
+    let mut all = Vec::new();
+    for gain_set in 0..machine.gain_sets.len() {
+        for phase in 0..machine.cycle.position_every as usize {
+            let asked = replayed(machine, id, gain_set as u8, axis, phase);
+            let off: Vec<f64> =
+                axis.current_a.iter().zip(&asked).map(|(is, asked)| is - asked).skip(first).collect();
+            let mean = off.iter().sum::<f64>() / off.len().max(1) as f64;
+            let (mut left, mut whole) = (0.0, 0.0);
+            for ((off, is), is_sound) in off.iter().zip(&axis.current_a[first..]).zip(&run.is_sound[first..])
+            {
+                if *is_sound {
+                    left += (off - mean).powi(2);
+                    whole += is * is;
+                }
+            }
+            all.push(Match { gain_set: gain_set as u8, phase, left_share: (left / whole).sqrt() });
+        }
+    }
+    all.sort_by(|a, b| a.left_share.total_cmp(&b.left_share));
+    all
+}

@@ -1,0 +1,151 @@
+//! A run from its command alone: what the machine of the file, with a plant that is tried, would have logged.
+//!
+//! ```text
+//!   setpoints of the run ──► loops and plant of each axis ──► following error, deflection, current
+//! ```
+//!
+//! Where the data begin in the middle of a motion the axis is taken to slide there; what is wrong with that fades,
+//! and the rows of the first [`SETTLE_S`] are compared with nothing.
+//! Units: m, A, s. Invariant: nothing measured drives the model but the first row.
+
+use super::runs::{AxisRun, Run};
+use crate::base::axis::AxisId;
+use crate::base::setpoint::Setpoint;
+use crate::base::units::{Acceleration, Current, Position, Velocity};
+use crate::config::Machine;
+use crate::config::machine::Axis;
+use crate::offline::closed_axis::{ClosedAxis, Start};
+use crate::plant::Parameters;
+use crate::plant::effects::Neighbour;
+use crate::rt::wire::scaling::{AxisScale, ScaleSettings, Sense};
+
+/// Rows of a run so long are for the start to fade, s.
+pub const SETTLE_S: f64 = 0.4;
+/// Slower than this at the first rows is at rest, m/s.
+const AT_REST_M_PER_S: f64 = 2e-5;
+/// Counts of encoders that resolve everything.
+const FINE_COUNTS_PER_REV: u32 = 1 << 30;
+const FINE_COUNTS_PER_MM: u32 = 100_000_000;
+/// The state at the start is the mean of so many rows.
+const START_ROWS: usize = 16;
+
+/// What is compared, row by row.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Signals {
+    /// Setpoint less motor position, m.
+    pub following_error_m: Vec<f64>,
+    /// Motor position less table position, m; empty without a scale at the table.
+    pub deflection_m: Vec<f64>,
+    /// Motor current, A.
+    pub current_a: Vec<f64>,
+}
+
+impl Signals {
+    /// As measured.
+    pub fn measured(axis: &AxisRun) -> Self {
+        let less = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a - b).collect();
+        Self {
+            following_error_m: less(&axis.setpoint_m, &axis.position_m),
+            deflection_m: axis
+                .table_m
+                .as_ref()
+                .map_or_else(Vec::new, |table_m| less(&axis.position_m, table_m)),
+            current_a: axis.current_a.clone(),
+        }
+    }
+}
+
+/// The command of one axis in a run, with its start: all that the model is given.
+#[derive(Clone, Debug)]
+pub struct Course {
+    setpoints: Vec<Setpoint>,
+    start: Start,
+    /// Row of the first tick of the position loop.
+    phase: usize,
+    has_table: bool,
+    /// What the next axis did, as measured: a scale at the table may show something of it.
+    next: Vec<Neighbour>,
+}
+
+impl Course {
+    /// Of a run; the position loop acts in the row `phase` first.
+    pub fn new(run: &Run, machine: &Machine, id: AxisId, phase: usize) -> Option<Self> {
+        let axis = run.axes.get(&id)?;
+        let next = if axis.table_m.is_some() { neighbours(run, machine, id) } else { Vec::new() };
+        let rows = axis.setpoint_m.len();
+        let slope = |column: &[f64], row: usize, reach: usize| {
+            let (low, high) = (row.saturating_sub(reach), (row + reach).min(rows - 1));
+            (column[high] - column[low]) / ((high - low) as f64 * run.period_s)
+        };
+        let velocity: Vec<f64> = (0..rows).map(|row| slope(&axis.setpoint_m, row, 1)).collect();
+        let setpoints = (0..rows).map(|row| Setpoint {
+            position: Position::m(axis.setpoint_m[row]),
+            velocity: Velocity::m_per_s(velocity[row]),
+            acceleration: Acceleration::m_per_s2(slope(&velocity, row, 1)),
+        });
+        let first = START_ROWS.min(rows);
+        let moved =
+            (axis.position_m[first - 1] - axis.position_m[0]) / ((first - 1).max(1) as f64 * run.period_s);
+        let is_at_rest = moved.abs() < AT_REST_M_PER_S && velocity[0].abs() < AT_REST_M_PER_S;
+        let mean_a = axis.current_a[..first].iter().sum::<f64>() / first as f64;
+        let start = Start {
+            position: Position::m(axis.position_m[0]),
+            velocity: Velocity::m_per_s(if is_at_rest { 0.0 } else { moved }),
+            current: Current::a(mean_a),
+        };
+        Some(Self { setpoints: setpoints.collect(), start, phase, has_table: axis.table_m.is_some(), next })
+    }
+
+    /// Where the axis should be, m, row by row.
+    pub fn setpoints_m(&self) -> impl Iterator<Item = f64> {
+        self.setpoints.iter().map(|setpoint| setpoint.position.as_m())
+    }
+
+    /// The run with this plant behind the loops of an axis, whose position loop acts every so many rows.
+    pub fn run(&self, axis: &Axis, every: u32, gain_set: u8, plant: &Parameters) -> Signals {
+        let every = every as usize;
+        let rows = self.setpoints.len();
+        let mut closed = ClosedAxis::begin(axis, gain_set, plant, self.start);
+        let mut signals = Signals {
+            following_error_m: Vec::with_capacity(rows),
+            deflection_m: Vec::with_capacity(if self.has_table { rows } else { 0 }),
+            current_a: Vec::with_capacity(rows),
+        };
+        for (row, setpoint) in self.setpoints.iter().enumerate() {
+            let logged = closed.row(setpoint, row % every == self.phase, self.next.get(row));
+            signals.following_error_m.push((setpoint.position - logged.position).as_m());
+            if self.has_table {
+                signals.deflection_m.push((logged.position - logged.table_position).as_m());
+            }
+            signals.current_a.push(logged.current.as_a());
+            closed.pass();
+        }
+        signals
+    }
+}
+
+/// What the next axis did, row by row; nothing where it was not measured.
+fn neighbours(run: &Run, machine: &Machine, id: AxisId) -> Vec<Neighbour> {
+    let next = AxisId::new((id.index() + 1) % machine.axes.count());
+    let (true, Some(axis)) = (next != id, run.axes.get(&next)) else { return Vec::new() };
+    let plant = &machine.axes[next].plant;
+    let table_m = axis.table_m.as_ref().unwrap_or(&axis.position_m);
+    let of = |(table_m, current_a): (&f64, &f64)| Neighbour {
+        table: Position::m(*table_m),
+        force: plant.mechanics.force_of_torque(plant.actuator.torque(Current::a(*current_a))),
+    };
+    table_m.iter().zip(&axis.current_a).map(of).collect()
+}
+
+/// An axis whose encoders resolve everything. Counts of the simulation are no more those of the measurement than its
+/// noise would be: they would be noise twice.
+pub fn without_counts(axis: &Axis) -> Axis {
+    let scale = AxisScale::new(&ScaleSettings {
+        lead: Position::m(axis.plant.mechanics.lead_m),
+        motor_counts_per_rev: FINE_COUNTS_PER_REV,
+        motor_sense: Sense::Along,
+        table_counts_per_mm: Some(FINE_COUNTS_PER_MM),
+        table_sense: Sense::Along,
+    });
+    Axis { scale, ..*axis }
+}

@@ -1,0 +1,132 @@
+//! Where each row of a file stands in time: on an even grid, whatever its clock did.
+//!
+//! Invariant: no row is used twice, and a place without a row is no number.
+
+use std::collections::BTreeMap;
+
+use super::intake::SHORTEST_S;
+use super::runs::{AxisRun, Run, RunError};
+use crate::base::axis::AxisId;
+
+/// Rows missing in a row that are filled in.
+const FILLED_MAX: usize = 20;
+/// Share of rows that may be filled in or dropped.
+pub(super) const REPAIRED_SHARE_MAX: f64 = 0.05;
+
+/// Where each row of a file stands in time.
+pub(super) struct Grid {
+    period_s: f64,
+    /// Rows of the file that stand one period apart or miss a few, each with its place.
+    pub(super) pieces: Vec<Vec<(usize, usize)>>,
+}
+
+impl Grid {
+    pub(super) fn of(
+        run: &str,
+        time_s: &[f64],
+        wanted_s: f64,
+        repaired: &mut Vec<String>,
+    ) -> Result<Self, RunError> {
+        let rows = time_s.len();
+        let broken = |count: usize, what| {
+            let is_much = count as f64 > REPAIRED_SHARE_MAX * rows as f64;
+            if is_much { Err(RunError::Broken { run: run.to_owned(), count, rows, what }) } else { Ok(count) }
+        };
+        let mut order: Vec<usize> = (0..rows).filter(|row| time_s[*row].is_finite()).collect();
+        let untimed = broken(rows - order.len(), "without a time")?;
+        let disordered = broken(
+            order.windows(2).filter(|pair| time_s[pair[1]] < time_s[pair[0]]).count(),
+            "out of order",
+        )?;
+        order.sort_by(|a, b| time_s[*a].total_cmp(&time_s[*b]));
+        let mut steps: Vec<f64> = order.windows(2).map(|pair| time_s[pair[1]] - time_s[pair[0]]).collect();
+        if steps.is_empty() {
+            return Err(RunError::TooShort { run: run.to_owned(), length_s: 0.0 });
+        }
+        let middle = steps.len() / 2;
+        let found_s = *steps.select_nth_unstable_by(middle, f64::total_cmp).1;
+        // A jittering clock moves single rows; the middle of all steps stays.
+        if (found_s / wanted_s - 1.0).abs() > 0.1 {
+            let (found_us, wanted_us) = (1e6 * found_s, 1e6 * wanted_s);
+            return Err(RunError::Period { run: run.to_owned(), found_us, wanted_us });
+        }
+        let (mut pieces, mut repeated, mut missing) = (vec![Vec::new()], 0, 0);
+        let mut last: Option<(usize, f64)> = None;
+        for row in order {
+            let place = match last {
+                None => 0,
+                Some((place, at_s)) => {
+                    let steps = ((time_s[row] - at_s) / wanted_s).round();
+                    if (time_s[row] - at_s) < 0.2 * wanted_s {
+                        repeated += 1;
+                        continue;
+                    }
+                    let steps = steps.max(1.0) as usize;
+                    if steps > FILLED_MAX + 1 {
+                        repaired.push(format!(
+                            "{run}: nothing from {at_s:.4} s to {:.4} s, the run is taken as two",
+                            time_s[row]
+                        ));
+                        pieces.push(Vec::new());
+                        0
+                    } else {
+                        missing += steps - 1;
+                        place + steps
+                    }
+                }
+            };
+            last = Some((place, time_s[row]));
+            if let Some(piece) = pieces.last_mut() {
+                piece.push((row, place));
+            }
+        }
+        let said = [
+            (untimed, "rows without a time left out"),
+            (disordered, "rows out of order put in order"),
+            (broken(repeated, "repeated")?, "repeated rows left out"),
+            (broken(missing, "missing")?, "missing rows filled in"),
+        ];
+        let of = |(count, what): (usize, &str)| (count > 0).then(|| format!("{run}: {count} {what}"));
+        repaired.extend(said.into_iter().filter_map(of));
+        let length_s =
+            |piece: &Vec<(usize, usize)>| piece.last().map_or(0.0, |(_, place)| *place as f64) * wanted_s;
+        let longest_s = pieces.iter().map(length_s).fold(0.0, f64::max);
+        pieces.retain(|piece| length_s(piece) >= SHORTEST_S);
+        if pieces.is_empty() {
+            return Err(RunError::TooShort { run: run.to_owned(), length_s: longest_s });
+        }
+        Ok(Self { period_s: wanted_s, pieces })
+    }
+
+    /// The rows of a piece at their places; the others are not a number.
+    pub(super) fn piece(
+        &self,
+        name: String,
+        piece: &[(usize, usize)],
+        axes: &BTreeMap<AxisId, AxisRun>,
+    ) -> Run {
+        let rows = piece.last().map_or(0, |(_, place)| place + 1);
+        let placed = |column: &Vec<f64>| {
+            let mut even = vec![f64::NAN; rows];
+            for (row, place) in piece {
+                even[*place] = column[*row];
+            }
+            even
+        };
+        let axis = |(id, axis): (&AxisId, &AxisRun)| {
+            let axis = AxisRun {
+                setpoint_m: placed(&axis.setpoint_m),
+                position_m: placed(&axis.position_m),
+                table_m: axis.table_m.as_ref().map(placed),
+                current_a: placed(&axis.current_a),
+            };
+            (*id, axis)
+        };
+        Run {
+            name,
+            period_s: self.period_s,
+            axes: axes.iter().map(axis).collect(),
+            is_sound: vec![true; rows],
+        }
+    }
+}

@@ -1,0 +1,27 @@
+//! The gap: where simulation and measurement disagree, which physical effect is missing, and proof that the gap
+//! shrinks with it.
+//!
+//! ```text
+//!   runs ──► measure ──► locate ──► name ──► add ──► show
+//!            floor,      controller, joint    machine held-out runs from their
+//!            residuals   coordinate  fits     file    command, before and after
+//! ```
+//!
+//! [`intake`] looks at data before they are believed as [`runs`]; [`floor`] finds the noise in repeats; [`forward`] runs the
+//! machine file from the command alone and [`controller`] its loops alone; [`fit`] fits a [`model`] in closed loop to
+//! a [`problem`]; [`shortlist`] and [`mod@name`] find the effects.
+//! Invariant: what is named was better on rows that no model had seen, and what cannot be told apart is named together.
+
+pub mod analysis;
+pub mod controller;
+pub mod fit;
+pub mod floor;
+pub mod forward;
+mod grid;
+pub mod intake;
+pub mod model;
+pub mod name;
+pub mod problem;
+pub mod runs;
+pub mod shortlist;
+pub mod spectrum;

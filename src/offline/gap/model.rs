@@ -1,0 +1,236 @@
+//! What is fitted: the parameters of the base model, which are never "effects", and beside them effects of the
+//! catalogue.
+//!
+//! A base parameter is fitted as the logarithm of its ratio to what the machine file says, in steps of its prior; an
+//! effect's value in steps of its own. So every coordinate is 0 where nothing is known, and 1 is as far as a
+//! machine usually is from its file.
+//! Invariant: coordinates make a plant that `config` would accept.
+
+use crate::base::units::{Force, Velocity};
+use crate::plant::Parameters;
+use crate::plant::effects::{Effects, Entry, VALUES_MAX, Values};
+
+/// A parameter of the base model.
+#[derive(Clone, Copy, Debug)]
+pub struct Base {
+    /// As identification names it.
+    pub name: &'static str,
+    /// Its unit.
+    pub unit: &'static str,
+    /// Standard deviation of the logarithm of how far machine files are off.
+    pub prior: f64,
+    get: fn(&Parameters) -> f64,
+    set: fn(&mut Parameters, f64),
+}
+
+/// The base parameters, in the order of the coordinates.
+pub const BASE: [Base; 8] = [
+    Base {
+        name: "mass",
+        unit: "kg",
+        prior: 0.25,
+        get: |axis| axis.mechanics.mass_kg,
+        set: |axis, value| axis.mechanics.mass_kg = value,
+    },
+    Base {
+        name: "motor_inertia",
+        unit: "kg m2",
+        prior: 0.25,
+        get: |axis| axis.mechanics.inertia_kg_m2,
+        set: |axis, value| axis.mechanics.inertia_kg_m2 = value,
+    },
+    Base {
+        name: "stiffness",
+        unit: "N/m",
+        prior: 0.25,
+        get: |axis| axis.mechanics.stiffness_n_per_m,
+        set: |axis, value| axis.mechanics.stiffness_n_per_m = value,
+    },
+    Base {
+        name: "damping",
+        unit: "N s/m",
+        prior: 0.5,
+        get: |axis| axis.mechanics.damping_n_s_per_m,
+        set: |axis, value| axis.mechanics.damping_n_s_per_m = value,
+    },
+    Base {
+        name: "sliding",
+        unit: "N",
+        prior: 0.25,
+        get: |axis| axis.friction.sliding.as_n(),
+        set: |axis, value| {
+            let excess = axis.friction.breakaway / axis.friction.sliding;
+            axis.friction.sliding = Force::n(value);
+            axis.friction.breakaway = Force::n(value * excess);
+        },
+    },
+    Base {
+        name: "breakaway_excess",
+        unit: "N",
+        prior: 0.5,
+        get: |axis| (axis.friction.breakaway - axis.friction.sliding).as_n(),
+        set: |axis, value| axis.friction.breakaway = Force::n(axis.friction.sliding.as_n() + value),
+    },
+    Base {
+        name: "fall_end",
+        unit: "mm/s",
+        prior: 0.5,
+        get: |axis| axis.friction.fall_end.as_mm_per_s(),
+        set: |axis, value| {
+            let share = axis.friction.fall_start.as_mm_per_s() / axis.friction.fall_end.as_mm_per_s();
+            axis.friction.fall_end = Velocity::mm_per_s(value);
+            axis.friction.fall_start = Velocity::mm_per_s(value * share);
+        },
+    },
+    Base {
+        name: "fall_start",
+        unit: "mm/s",
+        prior: 0.5,
+        get: |axis| axis.friction.fall_start.as_mm_per_s(),
+        set: |axis, value| {
+            axis.friction.fall_start =
+                Velocity::mm_per_s(value.min(0.95 * axis.friction.fall_end.as_mm_per_s()));
+        },
+    },
+];
+
+/// An effect with the values it is tried with.
+#[derive(Clone, Copy, Debug)]
+pub struct Tried {
+    /// Of the catalogue.
+    pub entry: &'static Entry,
+    /// Its values.
+    pub values: Values,
+}
+
+/// A plant that is fitted: a file's, base coordinates, effects.
+#[derive(Clone, Debug)]
+pub struct Model {
+    /// What the machine file says.
+    pub nominal: Parameters,
+    /// Base coordinates, in priors.
+    pub base: [f64; BASE.len()],
+    /// The effects that were added to the file's.
+    pub effects: Vec<Tried>,
+}
+
+impl Model {
+    /// Of a machine file.
+    pub const fn new(nominal: Parameters) -> Self {
+        Self { nominal, base: [0.0; BASE.len()], effects: Vec::new() }
+    }
+
+    /// The same with another effect.
+    #[must_use]
+    pub fn with(&self, tried: Tried) -> Self {
+        let mut model = self.clone();
+        model.effects.push(tried);
+        model
+    }
+
+    /// The same without the effect of a place in the list.
+    #[must_use]
+    pub fn without(&self, place: usize) -> Self {
+        let mut model = self.clone();
+        model.effects.remove(place);
+        model
+    }
+
+    /// The plant.
+    pub fn plant(&self) -> Parameters {
+        let mut plant = self.nominal;
+        for (base, coordinate) in BASE.iter().zip(&self.base) {
+            if *coordinate != 0.0 {
+                let value = (base.get)(&plant);
+                (base.set)(&mut plant, value * (coordinate * base.prior).exp());
+            }
+        }
+        for tried in &self.effects {
+            plant = plant.with_effect(tried.entry, tried.values);
+        }
+        plant
+    }
+
+    /// The base parameters as they came out.
+    pub fn base_values(&self) -> Vec<(&'static Base, f64)> {
+        let plant = self.plant();
+        BASE.iter().map(|base| (base, (base.get)(&plant))).collect()
+    }
+
+    /// How many coordinates are fitted.
+    pub fn coordinate_count(&self) -> usize {
+        BASE.len() + self.effects.iter().map(|tried| tried.entry.parameters.len()).sum::<usize>()
+    }
+
+    /// All coordinates.
+    pub fn coordinates(&self) -> Vec<f64> {
+        let effects = self.effects.iter().flat_map(|tried| {
+            let scaled =
+                |(value, parameter): (&f64, &crate::plant::effects::Parameter)| value / parameter.prior;
+            tried.values.iter().zip(tried.entry.parameters).map(scaled).collect::<Vec<_>>()
+        });
+        self.base.iter().copied().chain(effects).collect()
+    }
+
+    /// Where a coordinate is believed to be before there are data: an amplitude at zero, the rest where it usually is.
+    pub fn expected(&self) -> Vec<f64> {
+        let effects = self.effects.iter().flat_map(|tried| {
+            let of = |(place, parameter): (usize, &crate::plant::effects::Parameter)| {
+                if place == 0 { 0.0 } else { parameter.nominal / parameter.prior }
+            };
+            tried.entry.parameters.iter().enumerate().map(of).collect::<Vec<_>>()
+        });
+        std::iter::repeat_n(0.0, BASE.len()).chain(effects).collect()
+    }
+
+    /// How sure that is, as a standard deviation in coordinates. An amplitude is held by nothing but its bounds: data
+    /// alone say how large an effect is.
+    pub fn sureness(&self) -> Vec<f64> {
+        let effects = self.effects.iter().flat_map(|tried| {
+            (0..tried.entry.parameters.len()).map(|place| if place == 0 { f64::INFINITY } else { 2.0 })
+        });
+        std::iter::repeat_n(1.0, BASE.len()).chain(effects).collect()
+    }
+
+    /// The same at other coordinates, held within the bounds.
+    #[must_use]
+    pub fn at(&self, coordinates: &[f64]) -> Self {
+        let mut model = self.clone();
+        let (base, mut rest) = coordinates.split_at(BASE.len());
+        for (own, new) in model.base.iter_mut().zip(base) {
+            // Six priors off is another machine.
+            *own = new.clamp(-6.0, 6.0);
+        }
+        for tried in &mut model.effects {
+            let parameters = tried.entry.parameters;
+            let (own, others) = rest.split_at(parameters.len());
+            let mut values: Values = [0.0; VALUES_MAX];
+            for ((value, parameter), coordinate) in values.iter_mut().zip(parameters).zip(own) {
+                let [low, high] = parameter.bounds;
+                let wanted = coordinate * parameter.prior;
+                *value = if parameter.unit == "deg" { wrapped(wanted) } else { wanted.clamp(low, high) };
+            }
+            tried.values = values;
+            rest = others;
+        }
+        model
+    }
+
+    /// Effects that are at a bound other than zero: what is there is not what the data say.
+    pub fn is_at_bound(&self, place: usize) -> bool {
+        let tried = &self.effects[place];
+        tried.values.iter().zip(tried.entry.parameters).any(|(value, parameter)| {
+            let [low, high] = parameter.bounds;
+            parameter.unit != "deg" && ((*value == low && low != 0.0) || *value == high)
+        })
+    }
+
+    /// Whether the file's own effects are in it already.
+    pub fn nominal_effects(&self) -> &Effects {
+        &self.nominal.effects
+    }
+}
+
+fn wrapped(deg: f64) -> f64 {
+    (deg + 180.0).rem_euclid(360.0) - 180.0
+}

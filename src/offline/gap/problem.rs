@@ -1,0 +1,169 @@
+//! One axis with its runs: what a model leaves of them, as independent values of variance 1 where it is noise.
+//!
+//! ```text
+//!   model ──► Course::run ──► Signals ──► measured less simulated ──► whitened ──► Residual, run by run
+//! ```
+//!
+//! Of the deflection only the change counts: a scale has its own zero. Rows of the start, rows that were filled in and
+//! what the filter remembers of them count nothing.
+//! Invariant: what is compared is the same rows for every model.
+
+use super::floor::{Noise, Pick};
+use super::forward::{Course, SETTLE_S, Signals, without_counts};
+use super::model::Model;
+use super::runs::Run;
+use crate::base::axis::AxisId;
+use crate::config::Machine;
+use crate::config::machine::Axis;
+
+/// The signals of an axis, with their names and units.
+pub const SIGNALS: [(&str, &str, Pick); 3] = [
+    ("following error", "m", |signals| &signals.following_error_m),
+    ("deflection", "m", |signals| &signals.deflection_m),
+    ("current", "A", |signals| &signals.current_a),
+];
+
+/// A run of one axis.
+#[derive(Debug)]
+pub struct AxisData {
+    /// Which run.
+    pub run: usize,
+    /// Its command.
+    pub course: Course,
+    /// What was measured.
+    pub measured: Signals,
+    /// Rows that models are fitted to.
+    pub fit: Vec<bool>,
+    /// Rows that no model is fitted to: they judge it.
+    pub held: Vec<bool>,
+}
+
+/// Which rows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// Those that models are fitted to.
+    Fit,
+    /// Those that judge them.
+    Held,
+}
+
+impl AxisData {
+    /// The rows of a part.
+    pub fn rows(&self, part: Part) -> &[bool] {
+        match part {
+            Part::Fit => &self.fit,
+            Part::Held => &self.held,
+        }
+    }
+
+    /// Whether it has any.
+    pub fn has(&self, part: Part) -> bool {
+        self.rows(part).contains(&true)
+    }
+}
+
+/// One axis with all its runs.
+#[derive(Debug)]
+pub struct Problem<'m> {
+    /// The machine whose loops ran.
+    pub machine: &'m Machine,
+    /// Which axis.
+    pub id: AxisId,
+    /// That axis, with encoders that resolve everything.
+    axis: Axis,
+    /// Which gains.
+    pub gain_set: u8,
+    /// Its runs.
+    pub data: Vec<AxisData>,
+    /// Noise of each signal; `None` where it was not measured.
+    pub noises: [Option<Noise>; SIGNALS.len()],
+}
+
+/// What a model leaves of a run, whitened: signal by signal, row by row; zero where a row does not count.
+pub type Residual = Vec<Vec<f64>>;
+
+impl<'m> Problem<'m> {
+    /// Of an axis.
+    pub fn new(
+        machine: &'m Machine,
+        id: AxisId,
+        gain_set: u8,
+        data: Vec<AxisData>,
+        noises: [Option<Noise>; SIGNALS.len()],
+    ) -> Self {
+        Self { machine, id, axis: without_counts(&machine.axes[id]), gain_set, data, noises }
+    }
+
+    /// Rows of a run that count: those after the start, that are sound, as are those the filter remembers.
+    pub fn counting(run: &Run, order: usize) -> Vec<bool> {
+        let settled = (SETTLE_S / run.period_s) as usize;
+        let mut since_bad = 0;
+        let of = |(row, is_sound): (usize, &bool)| {
+            since_bad = if *is_sound { since_bad + 1 } else { 0 };
+            row >= settled && since_bad > order
+        };
+        run.is_sound.iter().enumerate().map(of).collect()
+    }
+
+    /// What the model makes of a run.
+    pub fn simulated(&self, place: usize, model: &Model) -> Signals {
+        let every = self.machine.cycle.position_every;
+        self.data[place].course.run(&self.axis, every, self.gain_set, &model.plant())
+    }
+
+    /// Measured less simulated of a signal, in its unit; zero where a row does not count.
+    pub fn left(&self, place: usize, simulated: &Signals, pick: Pick, part: Part) -> Vec<f64> {
+        let data = &self.data[place];
+        let mut left: Vec<f64> = pick(&data.measured)
+            .iter()
+            .zip(pick(simulated))
+            .map(|(measured, model)| measured - model)
+            .collect();
+        let (mut sum, mut count) = (0.0, 0usize);
+        for (value, counts) in left.iter().zip(data.rows(part)) {
+            if *counts {
+                sum += value;
+                count += 1;
+            }
+        }
+        let is_deflection = std::ptr::fn_addr_eq(pick, SIGNALS[1].2);
+        let mean = if is_deflection && count > 0 { sum / count as f64 } else { 0.0 };
+        left.iter_mut().for_each(|value| *value -= mean);
+        left
+    }
+
+    /// What the model leaves of a part of a run.
+    pub fn residual(&self, place: usize, model: &Model, part: Part) -> Residual {
+        self.whitened(place, &self.simulated(place, model), part)
+    }
+
+    /// The same of what was simulated.
+    pub fn whitened(&self, place: usize, simulated: &Signals, part: Part) -> Residual {
+        let of = |(signal, noise): (usize, &Option<Noise>)| {
+            let noise = noise.as_ref()?;
+            let left = self.left(place, simulated, SIGNALS[signal].2, part);
+            if left.is_empty() {
+                return Some(Vec::new());
+            }
+            let mut white = noise.whitened(&left);
+            for (value, counts) in white.iter_mut().zip(self.data[place].rows(part)) {
+                if !counts {
+                    *value = 0.0;
+                }
+            }
+            Some(white)
+        };
+        self.noises.iter().enumerate().filter_map(of).collect()
+    }
+
+    /// How many values of a part of a run count.
+    pub fn count(&self, place: usize, part: Part) -> usize {
+        let data = &self.data[place];
+        let rows = data.rows(part).iter().filter(|counts| **counts).count();
+        let signals = SIGNALS
+            .iter()
+            .zip(&self.noises)
+            .filter(|((.., pick), noise)| noise.is_some() && !pick(&data.measured).is_empty());
+        rows * signals.count()
+    }
+}

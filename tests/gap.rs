@@ -1,0 +1,123 @@
+//! Promise: what a machine file lacks is found from runs and named, and from runs of a machine that lacks nothing
+//! nothing is named.
+#![cfg(feature = "offline")]
+
+use std::collections::BTreeMap;
+use std::f64::consts::TAU;
+
+use quadrant::base::axis::AxisId;
+use quadrant::config::{self, Machine};
+use quadrant::offline::gap::analysis::{Analysis, GapError, Request, Verdict, analyse};
+use quadrant::offline::gap::forward::Course;
+use quadrant::offline::gap::runs::{AxisRun, Run};
+use quadrant::plant::Parameters;
+use quadrant::plant::effects::entry;
+use rand::SeedableRng;
+use rand_distr::{Distribution, Normal};
+use rand_pcg::Pcg64Mcg;
+
+const ROWS_PER_S: f64 = 2_000.0;
+/// Noise of the current, rms.
+const NOISE_A: f64 = 0.02;
+
+/// Two laps of one axis of a circle as a machine with this plant logs them.
+fn circle(machine: &Machine, plant: &Parameters, name: &str, radius_mm: f64, lap_s: f64, seed: u64) -> Run {
+    let rows = (2.2 * lap_s * ROWS_PER_S) as usize;
+    // From rest: the way grows over the first fifth of a lap.
+    let place = |row: usize| {
+        let turns = row as f64 / ROWS_PER_S / lap_s;
+        1e-3 * radius_mm * (TAU * turns).sin() * (5.0 * turns).min(1.0)
+    };
+    let setpoint_m: Vec<f64> = (0..rows).map(place).collect();
+    let blank = AxisRun {
+        position_m: vec![0.0; rows],
+        table_m: Some(vec![0.0; rows]),
+        current_a: vec![0.0; rows],
+        setpoint_m: setpoint_m.clone(),
+    };
+    let mut run = Run {
+        name: name.to_owned(),
+        period_s: 1.0 / ROWS_PER_S,
+        axes: BTreeMap::from([(AxisId::X, blank)]),
+        is_sound: vec![true; rows],
+    };
+    let course = Course::new(&run, machine, AxisId::X, 0).expect("an axis");
+    let made = course.run(&machine.axes[AxisId::X], machine.cycle.position_every, 0, plant);
+    let mut random = Pcg64Mcg::seed_from_u64(seed);
+    let noise = Normal::new(0.0, NOISE_A).expect("a width");
+    let position_m: Vec<f64> = setpoint_m.iter().zip(&made.following_error_m).map(|(s, e)| s - e).collect();
+    let axis = AxisRun {
+        table_m: Some(position_m.iter().zip(&made.deflection_m).map(|(p, d)| p - d).collect()),
+        position_m,
+        current_a: made.current_a.iter().map(|current| current + noise.sample(&mut random)).collect(),
+        setpoint_m,
+    };
+    run.axes.insert(AxisId::X, axis);
+    run
+}
+
+/// Runs of a machine whose base parameters differ from its file, and which may have an effect.
+fn runs(machine: &Machine, effect: Option<(&str, f64)>) -> Vec<Run> {
+    let mut plant = machine.axes[AxisId::X].plant;
+    plant.mechanics.mass_kg *= 1.1;
+    plant.mechanics.stiffness_n_per_m *= 0.93;
+    plant.friction = plant.friction.scaled(1.05);
+    if let Some((name, amplitude)) = effect {
+        let entry = entry(name).expect("an effect");
+        let mut values = entry.nominal();
+        values[0] = amplitude;
+        plant = plant.with_effect(entry, values);
+    }
+    [("slow", 10.0, 2.4, 1), ("fast", 20.0, 1.6, 2), ("heldout", 15.0, 2.0, 3)]
+        .map(|(name, radius_mm, lap_s, seed)| circle(machine, &plant, name, radius_mm, lap_s, seed))
+        .to_vec()
+}
+
+fn analysed<'m>(machine: &'m Machine, runs: &[Run]) -> Analysis<'m> {
+    let request = Request { gains: "standard".to_owned(), axes: Vec::new() };
+    analyse(machine, runs, &request, &|_| ()).expect("an analysis")
+}
+
+#[test]
+fn a_hidden_backlash_is_named_and_closes_the_gap() {
+    let machine = config::load("paper").expect("a machine");
+    let analysis = analysed(&machine, &runs(&machine, Some(("backlash", 2.0))));
+    assert_eq!(analysis.repeats.len(), 3, "two laps each");
+    let [axis] = analysis.axes.as_slice() else { panic!("one axis") };
+    assert_eq!(axis.verdict, Verdict::Named);
+    let names: Vec<&str> = axis.named.effects.iter().map(|effect| effect.name).collect();
+    assert_eq!(names, ["backlash"]);
+    let (_, width_um, [low, high]) = axis.named.model.last_effect()[0];
+    assert!((width_um - 2.0).abs() < 0.1, "{width_um} um");
+    assert!(low < width_um && width_um < high);
+    // Encoder and scale are all but perfect here: what is left is the noise of the current.
+    let current = axis.gap.iter().find(|gap| gap.signal == "current").expect("a current");
+    assert!(current.after < 1.05 * NOISE_A, "{current:?}");
+    let deflection = axis.gap.iter().find(|gap| gap.signal == "deflection").expect("a scale");
+    assert!(deflection.closed_share() > 0.95, "{deflection:?}");
+}
+
+#[test]
+fn a_machine_that_lacks_nothing_gets_its_parameters_right_and_no_name() {
+    let machine = config::load("paper").expect("a machine");
+    let analysis = analysed(&machine, &runs(&machine, None));
+    let [axis] = analysis.axes.as_slice() else { panic!("one axis") };
+    assert!(axis.named.effects.is_empty(), "{:?}", axis.named.effects);
+    assert_eq!(axis.verdict, Verdict::ParameterOnly);
+    let truth =
+        [("mass", 1.1 * 335.0, 0.05), ("stiffness", 0.93 * 151e6, 0.01), ("sliding", 1.05 * 951.3, 0.005)];
+    let found = axis.named.base.model.base_values();
+    for (name, truth, within) in truth {
+        let (_, value) = found.iter().find(|(base, _)| base.name == name).expect("a parameter");
+        assert!((value / truth - 1.0).abs() < within, "{name}: {value}, truth {truth}");
+    }
+}
+
+#[test]
+fn runs_with_other_gains_are_refused_by_name() {
+    let machine = config::load("paper").expect("a machine");
+    let request = Request { gains: "optimal".to_owned(), axes: Vec::new() };
+    let refused = analyse(&machine, &runs(&machine, None), &request, &|_| ()).err().expect("a refusal");
+    let GapError::OtherGains { asked, found, .. } = &refused else { panic!("{refused}") };
+    assert_eq!((asked.as_str(), found.as_str()), ("optimal", "standard"));
+}
