@@ -51,8 +51,8 @@ fn the_reference_machine_is_found_in_its_log() {
     let machine = common::machine("reference");
     let log = runs::log(&machine, runs::ALL, 3);
     let found = identified(&log, &machine, X, 0.0);
-    // Widest half interval: below what a study of noise found possible from such motions; of the falling part twice its
-    // rms errors, 7 % and 13 %.
+    // Largest error and half interval: below what a study of noise found possible from such motions; of the falling part
+    // twice its rms errors, 7 % and 13 %. How often intervals hold the truth takes a hundred machines to say.
     let widest = [
         ("moving_mass", 0.015 * 2_609.0),
         ("total_inertia", 0.015 * 0.00734),
@@ -75,7 +75,8 @@ fn the_reference_machine_is_found_in_its_log() {
         let estimate = found.findings[name].estimate().expect(name);
         let [low, high] = estimate.ci95;
         let unit = estimate.unit;
-        assert!((low..=high).contains(&truth), "{name}: {low} to {high} {unit}, truth {truth}");
+        let value = estimate.value;
+        assert!((value - truth).abs() <= widest, "{name}: {value} {unit}, truth {truth}, bound ±{widest}");
         assert!(0.5 * (high - low) <= widest, "{name}: {low} to {high} {unit}, widest ±{widest}");
     }
     assert_eq!(found.variant, Some(Variant::Nonlinear), "{}", found.summary);

@@ -9,8 +9,8 @@
 //! ```
 //!
 //! It is not compared row by row: the table sticks and slips on its way through the fall, and whether once more
-//! hangs by a hair. It is compared by numbers that scatter little ([`signature`]), and how they depend on `D_v` and
-//! `D_v'`, and scatter with all that is not known, is taken from the draws ([`surface`]). So no constant of a
+//! hangs by a hair. It is compared by numbers that scatter little (`signature`), and how they depend on `D_v` and
+//! `D_v'`, and scatter with all that is not known, is taken from the draws (`surface`). So no constant of a
 //! simulated machine enters, and the interval holds the errors of what was found before.
 //!
 //! Whether friction falls as a parabola (`nonlinear`) or drops (`linear`) is decided by reversals that were

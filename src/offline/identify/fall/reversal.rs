@@ -5,7 +5,7 @@
 //! encoder counts and setpoints alone, so it is without the noise of a current measurement. Friction is that of the
 //! place: the sliding at both ends of the reversal and the ripple of the screw tell how much it is there.
 //! Units: SI, N at the table, positive along the motion before the reversal.
-//! Invariant: both reversals are looked at in the same rows, by the same [`signature`].
+//! Invariant: both reversals are looked at in the same rows, by the same `signature`.
 
 use std::ops::Range;
 

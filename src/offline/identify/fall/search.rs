@@ -1,7 +1,7 @@
 //! The search for the falling part of one variant: region by region, each the likely part of the one before.
 //!
 //! A region is a box of the logarithms of `D_v` and `D_v' / D_v`. Axes are drawn all over it, and how likely each of its
-//! points is comes from what they look like ([`Surface`]). The likely part becomes the next region, because over a
+//! points is comes from what they look like (`surface`). The likely part becomes the next region, because over a
 //! small one what the axes look like is nearly a parabola. Units: mm/s.
 //! Invariant: all chance comes from the number of the round and of the draw, so the answer is the same on any number of
 //! threads.
