@@ -79,6 +79,7 @@ fn analysed<'m>(machine: &'m Machine, runs: &[Run]) -> Analysis<'m> {
 }
 
 #[test]
+#[ignore = "seconds only if optimised; run by .ci/run"]
 fn a_hidden_backlash_is_named_and_closes_the_gap() {
     let machine = config::load("paper").expect("a machine");
     let analysis = analysed(&machine, &runs(&machine, Some(("backlash", 2.0))));

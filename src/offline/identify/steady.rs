@@ -156,16 +156,17 @@ mod tests {
         let speeds = [1.0, -1.0, 2.0, -2.0, 5.0, -5.0, 10.0, -10.0, 50.0, -50.0];
         let points: Vec<SteadyPoint> = speeds.into_iter().enumerate().map(point).collect();
         let sliding = fit(&points, 0.9e-3).expect("a line");
+        // The slope hangs on the fastest runs, and without them it is told by those up to 10 mm/s.
         let truths = [
-            (sliding.at_rest_n, 900.0),
-            (sliding.offset_n, 20.0),
-            (sliding.of_way_n[0], 920.0),
-            (sliding.of_way_n[1], 880.0),
-            (sliding.viscous_n_s_per_m, 500.0),
+            (sliding.at_rest_n, 900.0, 0.05),
+            (sliding.offset_n, 20.0, 0.05),
+            (sliding.of_way_n[0], 920.0, 0.05),
+            (sliding.of_way_n[1], 880.0, 0.05),
+            (sliding.viscous_n_s_per_m, 500.0, 0.2),
         ];
-        for ([value, half], truth) in truths {
+        for ([value, half], truth, widest) in truths {
             assert!((value - truth).abs() <= half, "{value} ± {half}, truth {truth}");
-            assert!(half < 0.05 * truth, "{value} ± {half} says nothing");
+            assert!(half < widest * truth, "{value} ± {half} says nothing");
         }
     }
 }

@@ -62,12 +62,12 @@ mod tests {
 
     #[test]
     fn chatter_shows_where_it_is_and_in_no_mean() {
-        // 1.1 s of a rising force; 25 Hz in the fourth of eleven parts.
+        // 1.1 s of a rising force; Three waves of 30 Hz in the fourth of eleven parts.
         let force = |chatter_n: f64| -> Vec<f64> {
             let row = |row: u32| {
                 let time_s = f64::from(row) * PERIOD_S;
                 let is_loud = (0.3..0.4).contains(&time_s);
-                let chatter = if is_loud { (time_s * 25.0 * std::f64::consts::TAU).sin() } else { 0.0 };
+                let chatter = if is_loud { (time_s * 30.0 * std::f64::consts::TAU).sin() } else { 0.0 };
                 900.0 + 20.0 * time_s + chatter_n * chatter
             };
             (0..2_200).map(row).collect()

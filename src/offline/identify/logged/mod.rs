@@ -35,9 +35,9 @@ use crate::plant::{Actuator, Parameters};
 use findings::{fall_findings, rest_findings};
 
 /// Slowest stretch that tells sliding friction, as long as the falling part is not known, mm/s; then a multiple of
-/// its end.
+/// the last speed at which it may end: one run that still chatters draws the whole line to itself.
 const SLIDES_MM_PER_S: f64 = 0.9;
-const SLIDES_RATIO: f64 = 1.3;
+const SLIDES_RATIO: f64 = 1.4;
 /// Fewest values whose scatter is an interval.
 const VALUES_MIN: usize = 3;
 /// How well a count of the encoder is known when the table breaks away, as half an interval: all ramps are wrong
@@ -201,7 +201,7 @@ impl<'a> Work<'a> {
                 falls.best().put(&mut self.model.friction);
             }
             if let Some(end) = falls.best().end_mm_per_s() {
-                sliding = steady::fit(&points, SLIDES_RATIO * end.value * 1e-3).ok().or(sliding);
+                sliding = steady::fit(&points, SLIDES_RATIO * end.ci95[1] * 1e-3).ok().or(sliding);
             }
             self.take(sliding.as_ref());
             breakaway = self.breakaway(&comparisons);
