@@ -37,11 +37,12 @@ fn circle(machine: &Machine, plant: &Parameters, name: &str, radius_mm: f64, lap
     };
     let mut run = Run {
         name: name.to_owned(),
+        start_s: 0.0,
         period_s: 1.0 / ROWS_PER_S,
         axes: BTreeMap::from([(AxisId::X, blank)]),
         is_sound: vec![true; rows],
     };
-    let course = Course::new(&run, machine, AxisId::X, 0).expect("an axis");
+    let course = Course::new(&run, machine, AxisId::X, 0, 0.0).expect("an axis");
     let made = course.run(&machine.axes[AxisId::X], machine.cycle.position_every, 0, plant);
     let mut random = Pcg64Mcg::seed_from_u64(seed);
     let noise = Normal::new(0.0, NOISE_A).expect("a width");

@@ -33,6 +33,8 @@ pub struct Start {
     pub velocity: Velocity,
     /// Current of its motor.
     pub current: Current,
+    /// Since the start of the machine.
+    pub time: Span,
 }
 
 /// What a row of a log would hold.
@@ -80,6 +82,7 @@ impl ClosedAxis {
         } else {
             Plant::sliding(plant, tick, start.velocity, start.position)
         };
+        let moving = moving.after(start.time);
         let mut estimator = VelocityEstimator::new(axis.velocity_estimate, tick);
         let state = moving.state();
         let mut motor = Latch::new(axis.feedback_latency, tick);

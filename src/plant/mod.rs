@@ -171,6 +171,13 @@ impl Plant {
         plant
     }
 
+    /// The same so long after the start of the machine, for effects that go with time.
+    #[must_use]
+    pub fn after(mut self, time: Span) -> Self {
+        self.body.remembered.time_s = time.as_s();
+        self
+    }
+
     /// The same with its zero at another place of the machine.
     #[must_use]
     pub fn placed(mut self, place: Position) -> Self {

@@ -246,9 +246,10 @@ fn data(
     const ORDER: usize = 12;
     let groups = groups(runs, repeats);
     let held_groups = held_groups(runs, &groups);
+    let origin_s = runs.iter().map(|run| run.start_s).fold(f64::INFINITY, f64::min);
     let mut all = Vec::new();
     for (index, run) in runs.iter().enumerate() {
-        let (Some(course), Some(measured)) = (Course::new(run, machine, id, phases[index]), &measured[index])
+        let (Some(course), Some(measured)) = (Course::new(run, machine, id, phases[index], origin_s), &measured[index])
         else {
             continue;
         };

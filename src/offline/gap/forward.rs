@@ -68,8 +68,8 @@ pub struct Course {
 }
 
 impl Course {
-    /// Of a run; the position loop acts in the row `phase` first.
-    pub fn new(run: &Run, machine: &Machine, id: AxisId, phase: usize) -> Option<Self> {
+    /// Of a run of a session that began at `origin_s`; the position loop acts in the row `phase` first.
+    pub fn new(run: &Run, machine: &Machine, id: AxisId, phase: usize, origin_s: f64) -> Option<Self> {
         let axis = run.axes.get(&id)?;
         let next = if axis.table_m.is_some() { neighbours(run, machine, id) } else { Vec::new() };
         let rows = axis.setpoint_m.len();
@@ -92,6 +92,7 @@ impl Course {
             position: Position::m(axis.position_m[0]),
             velocity: Velocity::m_per_s(if is_at_rest { 0.0 } else { moved }),
             current: Current::a(mean_a),
+            time: Span::s(run.start_s - origin_s),
         };
         Some(Self { setpoints: setpoints.collect(), start, phase, has_table: axis.table_m.is_some(), next })
     }

@@ -103,6 +103,7 @@ impl Grid {
         &self,
         name: String,
         piece: &[(usize, usize)],
+        time_s: &[f64],
         axes: &BTreeMap<AxisId, AxisRun>,
     ) -> Run {
         let rows = piece.last().map_or(0, |(_, place)| place + 1);
@@ -124,6 +125,7 @@ impl Grid {
         };
         Run {
             name,
+            start_s: piece.first().map_or(0.0, |(row, _)| time_s[*row]),
             period_s: self.period_s,
             axes: axes.iter().map(axis).collect(),
             is_sound: vec![true; rows],

@@ -50,7 +50,7 @@ pub fn of_raw(name: &str, raw: Raw, machine: &Machine) -> Result<Intake, RunErro
     for (number, piece) in grid.pieces.iter().enumerate() {
         let part =
             if grid.pieces.len() == 1 { name.to_owned() } else { format!("{name}, piece {}", number + 1) };
-        runs.push(grid.piece(part, piece, &axes));
+        runs.push(grid.piece(part, piece, &raw.time_s, &axes));
     }
     let runs = fill_all(name, runs, machine, &mut repaired)?;
     checked(name, runs, machine, repaired)

@@ -122,6 +122,8 @@ pub struct AxisRun {
 pub struct Run {
     /// File, and piece of it.
     pub name: String,
+    /// Time of its first row, on the clock that all runs of a session share, s.
+    pub start_s: f64,
     /// From row to row, s.
     pub period_s: f64,
     /// Its axes.

@@ -15,7 +15,7 @@ const MEMORIES_MAX: usize = 4;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::plant) struct Remembered {
     /// Since the start, s.
-    pub(super) time_s: f64,
+    pub(in crate::plant) time_s: f64,
     /// Force of the bristles on the table, N, against its way.
     pub(super) bristles_n: f64,
     pub(super) forces: [Memory; MEMORIES_MAX],
