@@ -249,7 +249,8 @@ fn data(
     let origin_s = runs.iter().map(|run| run.start_s).fold(f64::INFINITY, f64::min);
     let mut all = Vec::new();
     for (index, run) in runs.iter().enumerate() {
-        let (Some(course), Some(measured)) = (Course::new(run, machine, id, phases[index], origin_s), &measured[index])
+        let (Some(course), Some(measured)) =
+            (Course::new(run, machine, id, phases[index], origin_s), &measured[index])
         else {
             continue;
         };

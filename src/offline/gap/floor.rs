@@ -357,7 +357,13 @@ mod tests {
             current_a: current_a.clone(),
         };
         let axes = BTreeMap::from([(AxisId::X, axis(0.0)), (AxisId::Y, axis(0.25))]);
-        Run { name: "circle".to_owned(), start_s: 0.0, period_s: PERIOD_S, axes, is_sound: vec![true; rows as usize] }
+        Run {
+            name: "circle".to_owned(),
+            start_s: 0.0,
+            period_s: PERIOD_S,
+            axes,
+            is_sound: vec![true; rows as usize],
+        }
     }
 
     fn noise_of(run: &Run) -> Noise {

@@ -11,6 +11,7 @@
 use super::runs::{AxisRun, Run};
 use crate::base::axis::AxisId;
 use crate::base::setpoint::Setpoint;
+use crate::base::time::Span;
 use crate::base::units::{Acceleration, Current, Position, Velocity};
 use crate::config::Machine;
 use crate::config::machine::Axis;
