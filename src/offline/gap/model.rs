@@ -34,7 +34,7 @@ pub struct Base {
 }
 
 /// The base parameters, in the order of the coordinates.
-pub const BASE: [Base; 8] = [
+pub const BASE: [Base; 11] = [
     Base {
         name: "mass",
         unit: "kg",
@@ -104,6 +104,27 @@ pub const BASE: [Base; 8] = [
             twin.plant.friction.fall_start =
                 Velocity::mm_per_s(value.min(0.95 * twin.plant.friction.fall_end.as_mm_per_s()));
         },
+    },
+    Base {
+        name: "viscous",
+        unit: "N s/m",
+        prior: 0.25,
+        get: |twin| twin.plant.friction.viscous_n_s_per_m,
+        set: |twin, value| twin.plant.friction.viscous_n_s_per_m = value,
+    },
+    Base {
+        name: "current_loop",
+        unit: "Hz",
+        prior: 0.2,
+        get: |twin| twin.plant.actuator.current_loop_hz,
+        set: |twin, value| twin.plant.actuator.current_loop_hz = value,
+    },
+    Base {
+        name: "current_gain",
+        unit: "",
+        prior: 0.1,
+        get: |twin| twin.current_gain,
+        set: |twin, value| twin.current_gain = value,
     },
 ];
 
