@@ -2,7 +2,6 @@
 //!
 //! Invariant: the same runs give the same verdict, to the bit.
 
-use std::collections::BTreeMap;
 use std::time::Instant;
 
 use serde::Serialize;
@@ -10,11 +9,13 @@ use thiserror::Error;
 
 use super::controller::{self, Match};
 use super::fit::Fitted;
-use super::floor::{self, Noise, Repeat};
+use super::floor::{self, Noise};
 use super::forward::{Course, Signals};
+use super::held::{groups, held_groups};
 use super::model::{BASE, Model};
 use super::name::{self, Named};
 use super::problem::{AxisData, Part, Problem, SIGNALS};
+use super::repeats::{Repeat, repeats};
 use super::runs::Run;
 use crate::base::axis::AxisId;
 use crate::config::Machine;
@@ -151,7 +152,7 @@ pub fn analyse<'m>(
         GapError::NoGains { name: request.gains.clone(), known: machine.gain_sets.join(", ") }
     })? as u8;
     progress("looking for repeats");
-    let repeats = floor::repeats(runs);
+    let repeats = repeats(runs);
     let ids: Vec<AxisId> = machine
         .axes
         .axes()
@@ -184,12 +185,19 @@ fn axis<'m>(
     let count_m = scale.motor_resolution().as_m() / 12_f64.sqrt();
     let table_m = scale.table_position(TravelCounts::counts(1)).as_m().abs() / 12_f64.sqrt();
     let least = [LEAST[0].hypot(count_m), LEAST[1].hypot(count_m).hypot(table_m), LEAST[2]];
-    let noises = std::array::from_fn(|signal| {
+    let noises: [Option<Noise>; SIGNALS.len()] = std::array::from_fn(|signal| {
         let (_, _, pick) = SIGNALS[signal];
         let has = measured.iter().flatten().any(|signals| !pick(signals).is_empty());
         if has { floor::noise(repeats, runs, &measured, pick, least[signal]) } else { None }
     });
-    let data = data(machine, runs, repeats, id, &measured, &phases);
+    let mut data = data(machine, runs, repeats, id, &measured, &phases);
+    for (signal, noise) in noises.iter().enumerate() {
+        let Some(noise) = noise else { continue };
+        let loudness = floor::loudness(repeats, runs, &measured, SIGNALS[signal].2, noise);
+        for data in &mut data {
+            data.loudness[signal].clone_from(&loudness[data.run]);
+        }
+    }
     let problem = Problem::new(machine, id, gain_set, data, noises);
     let start = Model::new(machine.axes[id].plant);
     let named = name::name(&problem, &start, &say);
@@ -261,59 +269,10 @@ fn data(
         let held: Vec<bool> =
             counts.iter().enumerate().map(|(row, counts)| *counts && is_held(row)).collect();
         let fit = counts.iter().zip(&held).map(|(counts, held)| *counts && !held).collect();
-        all.push(AxisData { run: index, course, measured: measured.clone(), fit, held });
+        let loudness = Default::default();
+        all.push(AxisData { run: index, course, measured: measured.clone(), loudness, fit, held });
     }
     all
-}
-
-/// Which runs have the same command: a number for each run.
-fn groups(runs: &[Run], repeats: &[Repeat]) -> Vec<usize> {
-    let mut groups: Vec<usize> = (0..runs.len()).collect();
-    for repeat in repeats {
-        let [first, second] = repeat.runs.map(|run| groups[run]);
-        for group in &mut groups {
-            if *group == second {
-                *group = first;
-            }
-        }
-    }
-    groups
-}
-
-/// Runs that judge: those that are called so, or of three circles and more one whose feed lies between the others'.
-fn held_groups(runs: &[Run], groups: &[usize]) -> Option<Vec<usize>> {
-    let is_called = |run: &Run| ["held", "holdout"].iter().any(|word| run.name.to_lowercase().contains(word));
-    let called: Vec<usize> =
-        runs.iter().zip(groups).filter(|(run, _)| is_called(run)).map(|(_, group)| *group).collect();
-    if !called.is_empty() && called.len() < runs.len() {
-        return Some(called);
-    }
-    let feed = |run: &Run| -> f64 {
-        let steps = run.axes.values().map(|axis| {
-            axis.setpoint_m.windows(2).map(|pair| (pair[1] - pair[0]).abs()).fold(0.0, f64::max)
-                / run.period_s
-        });
-        steps.fold(0.0, f64::max)
-    };
-    let is_circle = |run: &Run| {
-        let moving = run
-            .axes
-            .values()
-            .filter(|axis| axis.setpoint_m.iter().any(|at| (at - axis.setpoint_m[0]).abs() > 1e-4));
-        moving.count() >= 2
-    };
-    let mut circles: BTreeMap<usize, f64> = BTreeMap::new();
-    for (run, group) in runs.iter().zip(groups) {
-        if is_circle(run) {
-            circles.entry(*group).or_insert_with(|| feed(run));
-        }
-    }
-    if circles.len() < 3 {
-        return None;
-    }
-    let mut by_feed: Vec<(usize, f64)> = circles.into_iter().collect();
-    by_feed.sort_by(|a, b| a.1.total_cmp(&b.1));
-    Some(vec![by_feed[by_feed.len() / 2].0])
 }
 
 /// Rms of what models leave of the rows that were not fitted.

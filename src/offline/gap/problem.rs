@@ -8,7 +8,7 @@
 //! what the filter remembers of them count nothing.
 //! Invariant: what is compared is the same rows for every model.
 
-use super::floor::{Noise, Pick};
+use super::floor::{Loudness, Noise, Pick};
 use super::forward::{Course, SETTLE_S, Signals, without_counts};
 use super::model::Model;
 use super::runs::Run;
@@ -32,6 +32,8 @@ pub struct AxisData {
     pub course: Course,
     /// What was measured.
     pub measured: Signals,
+    /// How much louder than the floor the noise of each signal is, row by row; empty where it is as loud.
+    pub loudness: [Loudness; SIGNALS.len()],
     /// Rows that models are fitted to.
     pub fit: Vec<bool>,
     /// Rows that no model is fitted to: they judge it.
@@ -149,6 +151,7 @@ impl<'m> Problem<'m> {
                 return Some(Vec::new());
             }
             let mut white = noise.whitened(&left);
+            white.iter_mut().zip(&self.data[place].loudness[signal]).for_each(|(value, loud)| *value /= loud);
             for (value, counts) in white.iter_mut().zip(self.data[place].rows(part)) {
                 if !counts {
                     *value = 0.0;
