@@ -2,6 +2,7 @@
 //!
 //! Invariant: the same runs give the same verdict, to the bit.
 
+use std::fmt;
 use std::time::Instant;
 
 use serde::Serialize;
@@ -12,6 +13,7 @@ use super::fit::Fitted;
 use super::floor::{self, Noise};
 use super::forward::{Course, Signals};
 use super::held::{groups, held_groups};
+use super::locate::{self, Located, RunLeft};
 use super::model::{BASE, Model};
 use super::name::{self, Named};
 use super::problem::{AxisData, Part, Problem, SIGNALS};
@@ -29,6 +31,9 @@ const HELD_SHARE: f64 = 0.3;
 const OTHER_GAINS: f64 = 0.5;
 /// A gap that moves an axis by less is none that anybody would look for, um.
 pub const PRACTICAL_UM: f64 = 0.1;
+
+/// Most effects of a class that still says something.
+const CLASS_MAX: usize = 3;
 
 /// Why there is no analysis.
 #[derive(Clone, Debug, Error, PartialEq)]
@@ -86,6 +91,19 @@ pub enum Verdict {
     Named,
 }
 
+impl fmt::Display for Verdict {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        out.write_str(match self {
+            Self::NothingMissing => "nothing missing",
+            Self::ParameterOnly => "base parameters only",
+            Self::Insufficient => "runs that do not tell",
+            Self::Unknown => "something unknown is missing",
+            Self::Class => "one of several effects is missing",
+            Self::Named => "an effect is missing",
+        })
+    }
+}
+
 /// An axis with its answer.
 pub struct AxisGap<'m> {
     /// Which axis.
@@ -98,6 +116,10 @@ pub struct AxisGap<'m> {
     pub named: Named,
     /// In a word.
     pub verdict: Verdict,
+    /// Where it lives: over which coordinates what the base leaves has a shape.
+    pub located: Vec<Located>,
+    /// And in which runs.
+    pub runs_left: Vec<RunLeft>,
     /// The gap in rms, by signal: before, after, floor; on the rows that were not fitted.
     pub gap: Vec<SignalGap>,
 }
@@ -203,7 +225,9 @@ fn axis<'m>(
     let named = name::name(&problem, &start, &say);
     let gap = gaps(&problem, &start, &named);
     let verdict = verdict(&named, &gap);
-    Ok(AxisGap { id, problem, controller, named, verdict, gap })
+    let located = locate::located(&problem, &named.base.model, &named.model.model);
+    let runs_left = locate::runs_left(&problem, &named.base.model, &named.model.model);
+    Ok(AxisGap { id, problem, controller, named, verdict, located, runs_left, gap })
 }
 
 /// How well the loops explain the current, and in which row of each run the position loop acts first.
@@ -322,6 +346,10 @@ fn verdict(named: &Named, gap: &[SignalGap]) -> Verdict {
             }
         })
     };
+    // So many that no name says anything.
+    if named.effects.iter().any(|effect| effect.class.len() > CLASS_MAX) {
+        return Verdict::Insufficient;
+    }
     if !named.effects.is_empty() {
         return if named.effects.iter().any(|effect| effect.class.len() > 1) {
             Verdict::Class

@@ -229,3 +229,41 @@ fn regular(curvature: &DMatrix<f64>) -> Option<DMatrix<f64>> {
 fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A hundred blocks of ten rows that all say the same, half of them up and half of them down.
+    fn in_blocks() -> Residual {
+        vec![(0..1_000).map(|row| if (row / 10) % 2 == 0 { 1.0 } else { -1.0 }).collect()]
+    }
+
+    #[test]
+    fn rows_that_agree_within_a_block_make_nothing_surer() {
+        let column: Residual = vec![vec![1.0; 1_000]];
+        let variance = |block: usize| {
+            Normal::of(&in_blocks(), &[Some(&column)], block).covariance().expect("it is regular")[(0, 0)]
+        };
+        // The mean of a hundred values of variance 1; taken as a thousand, ten times as sure.
+        assert!((variance(10) - 0.01).abs() < 1e-6, "{}", variance(10));
+        assert!((variance(1) - 0.001).abs() < 1e-6, "{}", variance(1));
+    }
+
+    #[test]
+    fn a_coordinate_without_a_column_changes_nothing_of_the_others() {
+        let column: Residual = vec![(0..1_000).map(f64::from).collect()];
+        let alone = Normal::of(&in_blocks(), &[Some(&column)], 10);
+        let beside = Normal::of(&in_blocks(), &[Some(&column), None], 10);
+        assert_eq!(alone.slope[0], beside.slope[0]);
+        assert_eq!(alone.curvature[(0, 0)], beside.curvature[(0, 0)]);
+        assert_eq!(beside.curvature[(1, 1)], 0.0);
+    }
+
+    #[test]
+    fn rows_far_off_count_by_their_size() {
+        let column: Residual = vec![vec![1.0; 2]];
+        let slope = |far: f64| Normal::of(&vec![vec![0.0, far]], &[Some(&column)], 10).slope[0];
+        assert_eq!([slope(2.0), slope(4.0), slope(40.0)], [2.0, 4.0, 4.0]);
+    }
+}

@@ -23,6 +23,7 @@ mod grid;
 mod held;
 pub mod intake;
 pub mod linear;
+pub mod locate;
 pub mod model;
 pub mod name;
 pub mod problem;

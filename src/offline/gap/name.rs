@@ -23,7 +23,7 @@ use super::model::Model;
 use super::problem::{Part, Problem};
 use super::shortlist::{Scored, shortlist};
 use super::spectrum::Peaks;
-use crate::plant::effects::CATALOGUE;
+use crate::plant::effects::{CATALOGUE, Experiment, entry};
 
 /// Candidates that are fitted together with the base.
 const FITTED: usize = 6;
@@ -41,6 +41,8 @@ const HELD_SHARE: f64 = 0.1;
 const SURE: f64 = 4.0;
 /// Candidates whose evidence is nearer than this, or than this share, cannot be told apart.
 const NEAR: (f64, f64) = (20.0, 0.02);
+/// Less than this is never left per row, in units of the floor.
+const LEAST_PER_ROW: f64 = 0.5;
 /// How often blocks are drawn to see how sure a fall is.
 const DRAWS: usize = 400;
 
@@ -110,6 +112,16 @@ pub struct NamedEffect {
     pub runner_up: Option<(&'static str, f64)>,
 }
 
+impl NamedEffect {
+    /// What an axis must do to tell it from the others of its class; nothing where it is alone, or where no log tells
+    /// them apart.
+    pub fn told_apart_by(&self) -> Option<Experiment> {
+        let mut others = self.class.iter().map(|(other, _)| other.name());
+        let open = others.find(|other| *other != self.name && !is_alias(self.name, other))?;
+        Some(entry(open)?.experiment)
+    }
+}
+
 /// Names what an axis lacks; `progress` is told what is being done.
 pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Sync)) -> Named {
     let rows = [Part::Fit, Part::Held].map(|part| problem.count(part));
@@ -166,9 +178,9 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
     Named { base, base_held, model, held, effects, refused, rows }
 }
 
-/// What is left per row, at least the 1 of noise.
+/// What is left per row; a floor that counts what an encoder hides twice is too high, but not by more.
 fn scale(cost: f64, rows: usize) -> f64 {
-    (cost / rows.max(1) as f64).max(1.0)
+    (cost / rows.max(1) as f64).max(LEAST_PER_ROW)
 }
 
 fn is_alias(name: &str, other: &str) -> bool {

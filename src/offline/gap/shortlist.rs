@@ -48,7 +48,8 @@ fn seeds(entry: &'static Entry, peaks: &dyn Fn(&str) -> Vec<f64>) -> Vec<Values>
     nominal[0] = if nominal[0] == 0.0 { entry.parameters[0].prior } else { nominal[0] } * SHARE;
     let mut seeds = vec![nominal];
     for (place, parameter) in entry.parameters.iter().enumerate().skip(1) {
-        if parameter.unit == "deg" {
+        // A damping is found by the fit.
+        if parameter.unit == "deg" || parameter.key == "damping-percent" {
             continue;
         }
         let [low, high] = parameter.bounds;
