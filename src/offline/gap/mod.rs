@@ -31,3 +31,4 @@ pub mod repeats;
 pub mod runs;
 pub mod shortlist;
 pub mod spectrum;
+pub mod write_back;
