@@ -89,7 +89,7 @@ fn a_hidden_backlash_is_named_and_closes_the_gap() {
     assert_eq!(axis.verdict, Verdict::Named);
     let names: Vec<&str> = axis.named.effects.iter().map(|effect| effect.name).collect();
     assert_eq!(names, ["backlash"]);
-    let (_, width_um, [low, high]) = axis.named.model.last_effect()[0];
+    let (_, width_um, [low, high]) = axis.named.model.effect(0)[0];
     assert!((width_um - 2.0).abs() < 0.1, "{width_um} um");
     assert!(low < width_um && width_um < high);
     // Encoder and scale are all but perfect here: what is left is the noise of the current.

@@ -78,7 +78,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let analysis = analyse(&machine, &runs, &request, &|what| bar.set_message(what.to_owned()));
     bar.finish_and_clear();
     let analysis = analysis?;
-    let printed = Printed::new(&machine, &runs, &analysis, repaired);
+    let printed = Printed::new(&machine, &analysis, repaired);
     if arguments.json {
         print_json(&printed)?;
     } else {

@@ -9,7 +9,7 @@ use crate::config::Machine;
 use crate::offline::gap::analysis::{Analysis, AxisGap, SignalGap, Verdict};
 use crate::offline::gap::fit::Fitted;
 use crate::offline::gap::name::Gate;
-use crate::offline::gap::runs::Run;
+use crate::offline::gap::problem::SIGNALS;
 
 /// The answer as one object.
 #[derive(Debug, Serialize)]
@@ -37,6 +37,8 @@ struct Effect {
 struct Located {
     axis: String,
     controller_left_share: Option<f64>,
+    /// Whether the noise of each signal is known from repeats; otherwise it is a lower bound.
+    is_floor_from_repeats: BTreeMap<&'static str, bool>,
 }
 
 #[derive(Debug, Serialize)]
@@ -64,12 +66,7 @@ struct Refused {
 }
 
 impl Printed {
-    pub(super) fn new(
-        machine: &Machine,
-        _runs: &[Run],
-        analysis: &Analysis<'_>,
-        repaired: Vec<String>,
-    ) -> Self {
+    pub(super) fn new(machine: &Machine, analysis: &Analysis<'_>, repaired: Vec<String>) -> Self {
         let names = machine.axis_names();
         let name = |gap: &AxisGap<'_>| names[gap.id.index()].clone();
         let mut gap = Gap {
@@ -155,6 +152,11 @@ impl Printed {
                 .map(|axis| Located {
                     axis: name(axis),
                     controller_left_share: axis.controller.map(|found| found.left_share),
+                    is_floor_from_repeats: SIGNALS
+                        .iter()
+                        .zip(&axis.problem.noises)
+                        .filter_map(|((signal, ..), noise)| Some((*signal, noise.as_ref()?.is_from_repeats)))
+                        .collect(),
                 })
                 .collect(),
             gap,
@@ -218,7 +220,7 @@ impl Effect {
         };
         let Some(tried) = fitted.model.effects.last() else { return effect };
         effect.name = tried.entry.name;
-        for (key, value, interval) in fitted.last_effect() {
+        for (key, value, interval) in fitted.effect(fitted.model.effects.len() - 1) {
             effect.parameters.insert(key, value);
             effect.interval.insert(key, interval);
         }

@@ -26,8 +26,8 @@ const LEAST: [f64; SIGNALS.len()] = [2e-9, 2e-9, 2e-3];
 const HELD_SHARE: f64 = 0.3;
 /// Another gain set explains the current so much better: the wrong one was named.
 const OTHER_GAINS: f64 = 0.5;
-/// A gap that moves an axis or its current by less is none that anybody would look for: um, share of the current.
-pub const PRACTICAL: (f64, f64) = (0.1, 0.005);
+/// A gap that moves an axis by less is none that anybody would look for, um.
+pub const PRACTICAL_UM: f64 = 0.1;
 
 /// Why there is no analysis.
 #[derive(Clone, Debug, Error, PartialEq)]
@@ -192,8 +192,7 @@ fn axis<'m>(
     let data = data(machine, runs, repeats, id, &measured, &phases);
     let problem = Problem::new(machine, id, gain_set, data, noises);
     let start = Model::new(machine.axes[id].plant);
-    let peaks = |model: &Model, key: &str| super::spectrum::peaks(&problem, model, key);
-    let named = name::name(&problem, &start, &peaks, &say);
+    let named = name::name(&problem, &start, &say);
     let gap = gaps(&problem, &start, &named);
     let verdict = verdict(&named, &gap);
     Ok(AxisGap { id, problem, controller, named, verdict, gap })
@@ -243,7 +242,6 @@ fn data(
     measured: &[Option<Signals>],
     phases: &[usize],
 ) -> Vec<AxisData> {
-    const ORDER: usize = 12;
     let groups = groups(runs, repeats);
     let held_groups = held_groups(runs, &groups);
     let origin_s = runs.iter().map(|run| run.start_s).fold(f64::INFINITY, f64::min);
@@ -254,7 +252,7 @@ fn data(
         else {
             continue;
         };
-        let counts = Problem::counting(run, ORDER);
+        let counts = Problem::counting(run, floor::ORDER);
         let rows = run.len();
         let is_held = |row: usize| match &held_groups {
             Some(held) => held.contains(&groups[index]),
@@ -322,7 +320,7 @@ fn held_groups(runs: &[Run], groups: &[usize]) -> Option<Vec<usize>> {
 fn gaps(problem: &Problem<'_>, file: &Model, named: &Named) -> Vec<SignalGap> {
     let rms = |model: &Model| -> [f64; SIGNALS.len()] {
         let (mut sums, mut counts) = ([0.0; SIGNALS.len()], [0usize; SIGNALS.len()]);
-        for place in (0..problem.data.len()).filter(|place| problem.data[*place].has(Part::Held)) {
+        for place in problem.places(Part::Held) {
             let simulated = problem.simulated(place, model);
             for (signal, (_, _, pick)) in SIGNALS.iter().enumerate() {
                 let left = problem.left(place, &simulated, *pick, Part::Held);
@@ -359,7 +357,7 @@ fn verdict(named: &Named, gap: &[SignalGap]) -> Verdict {
         gap.iter().any(|signal| {
             let rest = excess(of(signal), signal.floor);
             if signal.unit == "um" {
-                rest > PRACTICAL.0.max(0.5 * signal.floor)
+                rest > PRACTICAL_UM.max(0.5 * signal.floor)
             } else {
                 rest > 0.5 * signal.floor.max(0.02)
             }

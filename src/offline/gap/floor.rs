@@ -11,7 +11,7 @@
 //! Units: those of the signal. Invariant: no model takes part.
 
 use super::forward::Signals;
-use super::runs::Run;
+use super::runs::{Run, span};
 
 /// Shortest lap, s.
 const LAP_MIN_S: f64 = 0.5;
@@ -24,8 +24,8 @@ const REPEAT_MIN_S: f64 = 0.5;
 /// hold such an event and are no noise. s.
 const BLOCK_S: f64 = 0.2;
 const EVENT: f64 = 4.0;
-/// Order of the whitening filter.
-const ORDER: usize = 12;
+/// Order of the whitening filter: rows after one that does not count do so no more until it is forgotten.
+pub(super) const ORDER: usize = 12;
 
 /// Rows of a run that were commanded like rows of it, or of another run, before: `later = earlier + shift`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -70,13 +70,7 @@ fn is_same_command(run: &Run, twin: &Run) -> bool {
 }
 
 fn span_m(run: &Run) -> f64 {
-    let of = |column: &[f64]| {
-        let [low, high] = column
-            .iter()
-            .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| [low.min(*v), high.max(*v)]);
-        high - low
-    };
-    run.axes.values().map(|axis| of(&axis.setpoint_m)).fold(0.0, f64::max)
+    run.axes.values().map(|axis| span(&axis.setpoint_m)).fold(0.0, f64::max)
 }
 
 /// The first lag at which all setpoints of a run come again, with the longest stretch of rows for which they do.

@@ -9,7 +9,7 @@
 //!
 //! [`intake`] looks at data before they are believed as [`runs`]; [`floor`] finds the noise in repeats; [`forward`] runs the
 //! machine file from the command alone and [`controller`] its loops alone; [`fit`] fits a [`model`] in closed loop to
-//! a [`problem`]; [`shortlist`] and [`mod@name`] find the effects.
+//! a [`problem`], by its derivatives ([`linear`]); [`shortlist`] and [`mod@name`] find the effects.
 //! Invariant: what is named was better on rows that no model had seen, and what cannot be told apart is named together.
 
 pub mod analysis;
@@ -19,6 +19,7 @@ pub mod floor;
 pub mod forward;
 mod grid;
 pub mod intake;
+pub mod linear;
 pub mod model;
 pub mod name;
 pub mod problem;

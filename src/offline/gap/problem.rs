@@ -108,7 +108,10 @@ impl<'m> Problem<'m> {
     /// What the model makes of a run.
     pub fn simulated(&self, place: usize, model: &Model) -> Signals {
         let every = self.machine.cycle.position_every;
-        self.data[place].course.run(&self.axis, every, self.gain_set, &model.plant())
+        let twin = model.twin();
+        let mut signals = self.data[place].course.run(&self.axis, every, self.gain_set, &twin.plant);
+        signals.current_a.iter_mut().for_each(|current_a| *current_a *= twin.current_gain);
+        signals
     }
 
     /// Measured less simulated of a signal, in its unit; zero where a row does not count.
@@ -156,14 +159,21 @@ impl<'m> Problem<'m> {
         self.noises.iter().enumerate().filter_map(of).collect()
     }
 
-    /// How many values of a part of a run count.
-    pub fn count(&self, place: usize, part: Part) -> usize {
-        let data = &self.data[place];
-        let rows = data.rows(part).iter().filter(|counts| **counts).count();
-        let signals = SIGNALS
-            .iter()
-            .zip(&self.noises)
-            .filter(|((.., pick), noise)| noise.is_some() && !pick(&data.measured).is_empty());
-        rows * signals.count()
+    /// The runs that have rows of a part.
+    pub fn places(&self, part: Part) -> Vec<usize> {
+        (0..self.data.len()).filter(|place| self.data[*place].has(part)).collect()
+    }
+
+    /// How many values of a part count.
+    pub fn count(&self, part: Part) -> usize {
+        let of = |data: &AxisData| {
+            let rows = data.rows(part).iter().filter(|counts| **counts).count();
+            let signals = SIGNALS
+                .iter()
+                .zip(&self.noises)
+                .filter(|((.., pick), noise)| noise.is_some() && !pick(&data.measured).is_empty());
+            rows * signals.count()
+        };
+        self.data.iter().map(of).sum()
     }
 }
