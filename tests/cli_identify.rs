@@ -2,6 +2,8 @@
 //! finds what the controller does not know of the plant behind the boards.
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
+#[path = "common/machine_file.rs"]
+mod machine_file;
 #[path = "common/tool.rs"]
 #[expect(dead_code, reason = "one log, whose name is given")]
 mod tool;
@@ -9,33 +11,20 @@ mod tool;
 use std::fs;
 use std::path::Path;
 
-use quadrant::config::EMBEDDED;
+use machine_file::machine_file;
 use quadrant::log::Reader;
 use tempfile::TempDir;
 use tool::{run, text};
 
-/// The reference machine with 68 mm of travel, and changes to it, as a file.
-fn small(folder: &Path, name: &str, edits: &[(&str, &str)]) -> String {
-    let travel = [
-        ("travel-min-mm = -250.0", "travel-min-mm = -8.0"),
-        ("travel-max-mm = 250.0", "travel-max-mm = 60.0"),
-        ("travel-margin-mm = 5.0", "travel-margin-mm = 2.0"),
-    ];
-    let changed = travel.iter().chain(edits).fold(EMBEDDED[0].1.to_owned(), |text, (from, to)| {
-        assert!(text.contains(from), "no `{from}`");
-        text.replace(from, to)
-    });
-    let path = folder.join(name);
-    fs::write(&path, changed).unwrap();
-    text(&path).to_owned()
-}
+/// Travel of the machines, mm.
+const TRAVEL_MM: [f64; 2] = [-8.0, 60.0];
 
 #[test]
 fn experiments_find_the_plant_that_the_machine_file_does_not_know() {
     let folder = TempDir::new().unwrap();
-    let machine = small(folder.path(), "machine.toml", &[]);
-    let heavier = [("mass-kg = 335.0", "mass-kg = 400.0")];
-    let plant = small(folder.path(), "plant.toml", &heavier);
+    let file = |name, edits: &[_]| text(&machine_file(folder.path(), name, TRAVEL_MM, edits)).to_owned();
+    let machine = file("machine.toml", &[]);
+    let plant = file("plant.toml", &[("mass-kg = 335.0", "mass-kg = 400.0")]);
     let [log, report] = ["run.mcap", "report"].map(|name| text(&folder.path().join(name)).to_owned());
     let words = [
         "identify",

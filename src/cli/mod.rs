@@ -16,6 +16,7 @@ mod live;
 mod log;
 mod playback;
 mod replay;
+mod stage;
 mod tune;
 mod view;
 

@@ -1,5 +1,5 @@
 //! One axis with its loops and its plant, period by period: what any analysis runs that asks what an axis would
-//! have done.
+//! have done. Tuning runs it thousands of times, identification and gap hold it against a log.
 //!
 //! ```text
 //!   setpoint ─► loops ─► counts of current ─► plant ─► latch ─► counts of position ─► velocity estimate ─┐
@@ -9,22 +9,35 @@
 //! Loops, plant, latch, estimator and scale are those that ship; encoder counts, rounding of the current and when a
 //! command acts are those of the board (`sim/board`). Frames, modes and logs are left out: the cycle over frames
 //! gives the same numbers at a hundred times the price.
+//!
+//! It begins in one of two ways. [`ClosedAxis::sliding`] is for what has time to settle: a friction feed-forward holds
+//! the torque of friction for a tick, and the swap to the gains in question gives it to the integral, as a swap of
+//! gains does in a real run. [`ClosedAxis::taken_over`] is for what begins where data do: the loops take over the
+//! measured current, whatever it is for.
 //! Invariant: pure function of settings, start and setpoints; no formula of control or plant is repeated here.
 
-use crate::base::command::Terms;
+use crate::base::command::Limits as Acted;
+use crate::base::fault::Fault;
 use crate::base::sample::{Freshness, Sample};
 use crate::base::setpoint::Setpoint;
 use crate::base::time::Span;
 use crate::base::units::{Current, Position, Torque, Velocity};
-use crate::config::machine::Axis;
+use crate::config::machine::{Axis, Gains};
 use crate::plant::effects::Neighbour;
 use crate::plant::encoder::{Knot, Latch};
-use crate::plant::{Parameters, Plant};
+use crate::plant::friction::Law;
+use crate::plant::{Parameters, Plant, steady_force};
 use crate::rt::control::{AxisLoop, Settings};
 use crate::rt::drive::sheet::CommandApplies;
 use crate::rt::drive::velocity::VelocityEstimator;
 
-/// How an axis moves at the first row.
+/// Gain sets of a run that begins with a swap: that of the beginning, and the one in question.
+const BEGIN: u8 = 0;
+const ASKED: u8 = 1;
+/// Rows before the first that latch and estimator are shown.
+const ROWS_BEFORE: u8 = 3;
+
+/// How a measured axis moves at the first row.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Start {
     /// Where its motor is.
@@ -42,37 +55,64 @@ pub struct Start {
 pub struct Row {
     /// What the encoder showed at the SYNC.
     pub position: Position,
-    /// What the scale at the table showed.
-    pub table_position: Position,
+    /// What the scale at the table showed, where it is looked at.
+    pub table_position: Option<Position>,
     /// Current at the SYNC.
     pub current: Current,
-    /// Current asked of the drive.
-    pub asked: Current,
-    /// How it came about.
-    pub terms: Terms,
+}
+
+/// What the loops do in a row before they act.
+#[derive(Clone, Copy, Debug)]
+enum Handover {
+    /// First row: the integral takes this torque.
+    Torque(Torque),
+    /// First row: follow the axis, which the feed-forward holds.
+    Follow,
+    /// Second row: the gains in question take over from the feed-forward.
+    Swap,
+    /// Nothing but to look for faults.
+    Done,
 }
 
 /// An axis on its way.
 #[derive(Clone, Debug)]
-pub struct ClosedAxis {
-    axis: Axis,
+pub struct ClosedAxis<'a> {
+    axis: &'a Axis,
     loops: AxisLoop,
     plant: Plant,
     motor: Latch,
-    table: Latch,
+    table: Option<Latch>,
     estimator: VelocityEstimator,
     /// Where the motor was at the first row.
     start: Position,
-    /// Current of the first row, until the loops have taken it over.
-    begins_with: Option<Torque>,
-    /// In force, and about to be with the next SYNC.
+    handover: Handover,
+    /// In force, about to be with the next SYNC, and asked for in the last row.
     acting: Current,
     waiting: Current,
+    asked: Current,
+    limits: Acted,
+    fault: Option<Fault>,
 }
 
-impl ClosedAxis {
-    /// The axis of a machine with the gains of a set, whose plant need not be what its control believes.
-    pub fn begin(axis: &Axis, gain_set: u8, plant: &Parameters, start: Start) -> Self {
+impl<'a> ClosedAxis<'a> {
+    /// An axis that slides with its motor at `start`, under `gains`. Its `plant` need not be what its control
+    /// believes, and is that of [`Plant::sliding`] at this velocity and place.
+    pub fn sliding(axis: &'a Axis, plant: Plant, start: Position, velocity: Velocity, gains: &Gains) -> Self {
+        let real = steady_force(&axis.plant, velocity, start);
+        let mut begin = *gains;
+        let believed = Law::new(axis.control.axis.friction).sliding(velocity).as_n();
+        begin.compensation.friction = if believed == 0.0 { 0.0 } else { real.as_n() / believed };
+        let mut settings = Settings { gain_set_count: 2, ..axis.control };
+        settings.gain_sets[usize::from(BEGIN)] = begin;
+        settings.gain_sets[usize::from(ASKED)] = *gains;
+        let current = axis.plant.actuator.current(axis.plant.mechanics.torque_for_force(real));
+        let start = Start { position: start, velocity, current, time: Span::ZERO };
+        Self::begin(axis, &settings, plant.placed(start.position), &start, Handover::Follow)
+    }
+
+    /// The axis of a machine with the gains of a set, taken over as it was measured. Its `plant` need not be what its
+    /// control believes.
+    pub fn taken_over(axis: &'a Axis, gain_set: u8, plant: &Parameters, start: &Start) -> Self {
         let tick = axis.control.tick;
         let mut settings = Settings { gain_set_count: 1, ..axis.control };
         settings.gain_sets[0] = axis.control.gain_sets[usize::from(gain_set)];
@@ -82,59 +122,84 @@ impl ClosedAxis {
         } else {
             Plant::sliding(plant, tick, start.velocity, start.position)
         };
-        let moving = moving.after(start.time);
+        Self::begin(axis, &settings, moving.after(start.time), start, Handover::Torque(torque))
+    }
+
+    fn begin(axis: &'a Axis, settings: &Settings, plant: Plant, start: &Start, handover: Handover) -> Self {
+        let tick = axis.control.tick;
         let mut estimator = VelocityEstimator::new(axis.velocity_estimate, tick);
-        let state = moving.state();
         let mut motor = Latch::new(axis.feedback_latency, tick);
-        let mut table = Latch::new(axis.feedback_latency, tick);
-        for back in (0..=3).rev() {
-            let way = Position::m(-start.velocity.as_m_per_s() * tick.as_s() * f64::from(back));
-            motor.feed(Knot { position: way, velocity: start.velocity });
-            table.feed(Knot { position: state.table_position + way, velocity: start.velocity });
+        for back in (0..=ROWS_BEFORE).rev() {
+            let position = way_back(start.velocity, tick, back);
+            motor.feed(Knot { position, velocity: start.velocity });
             if back > 0 {
-                estimator.advance(start.position + way, 1);
+                estimator.advance(start.position + position, 1);
             }
         }
         Self {
-            axis: *axis,
-            loops: AxisLoop::new(&settings),
-            plant: moving,
+            axis,
+            loops: AxisLoop::new(settings),
+            plant,
             motor,
-            table,
+            table: None,
             estimator,
             start: start.position,
-            begins_with: Some(torque),
+            handover,
             acting: start.current,
             waiting: start.current,
+            asked: start.current,
+            limits: Acted::NONE,
+            fault: None,
         }
     }
 
-    /// One row: what is latched with its SYNC, and what the loops ask for then. What its scale shows of the next axis is
-    /// in it, where that is known.
+    /// The same with a scale at the table that is looked at, before its first row.
+    #[must_use]
+    pub fn with_table(mut self) -> Self {
+        let tick = self.axis.control.tick;
+        let state = self.plant.state();
+        let mut table = Latch::new(self.axis.feedback_latency, tick);
+        for back in (0..=ROWS_BEFORE).rev() {
+            let position = state.table_position + way_back(state.table_velocity, tick, back);
+            table.feed(Knot { position, velocity: state.table_velocity });
+        }
+        self.table = Some(table);
+        self
+    }
+
+    /// One row: what is latched with its SYNC, and what the loops ask for then. The position loop acts in the first. What
+    /// the scale at the table shows of the next axis is in it, where that is known.
     pub fn row(&mut self, setpoint: &Setpoint, is_position_tick: bool, next: Option<&Neighbour>) -> Row {
-        let scale = &self.axis.scale;
         if self.axis.sheet.command_applies == CommandApplies::OnNextSync {
             self.acting = self.waiting;
         }
-        let [motor, table] =
-            self.plant.shown(self.motor.position(Span::ZERO), self.table.position(Span::ZERO));
-        let crossing = next.map_or(Position::ZERO, |next| self.plant.crossing(next));
-        let position = scale.motor_position(scale.motor_counts(self.start + motor));
-        let table = scale.table_counts(self.start + table + crossing);
-        let current = scale.current(scale.current_counts(self.plant.state().current));
-        let velocity = self.estimator.advance(position, 1);
-        let sample = Sample { freshness: Freshness::Fresh, position, velocity, current, ..Sample::default() };
-        if let Some(torque) = self.begins_with.take() {
-            self.loops.take_over(setpoint, &sample, torque);
+        let (sample, table_position) = self.latched(next);
+        match self.handover {
+            Handover::Torque(torque) => {
+                self.loops.take_over(setpoint, &sample, torque);
+                self.handover = Handover::Done;
+            }
+            Handover::Follow => {
+                self.loops.follow(&sample);
+                self.handover = Handover::Swap;
+            }
+            Handover::Swap => {
+                self.loops.use_gains(ASKED, setpoint, &sample);
+                self.handover = Handover::Done;
+            }
+            Handover::Done => self.fault = self.loops.violation(&sample),
         }
         let answer = self.loops.step(setpoint, &sample, is_position_tick);
-        let asked = scale.current(scale.current_counts(answer.current));
-        match self.axis.sheet.command_applies {
-            CommandApplies::OnReceipt => self.acting = asked,
-            CommandApplies::OnNextSync => self.waiting = asked,
+        self.asked = self.axis.scale.current(self.axis.scale.current_counts(answer.current));
+        self.limits = answer.limits;
+        if answer.is_not_a_number {
+            self.fault = Some(Fault::NotANumber);
         }
-        let table_position = scale.table_position(table);
-        Row { position, table_position, current, asked, terms: answer.terms }
+        match self.axis.sheet.command_applies {
+            CommandApplies::OnReceipt => self.acting = self.asked,
+            CommandApplies::OnNextSync => self.waiting = self.asked,
+        }
+        Row { position: sample.position, table_position, current: sample.current }
     }
 
     /// The period to the next row passes.
@@ -142,7 +207,50 @@ impl ClosedAxis {
         self.plant.step(self.acting);
         let state = self.plant.state();
         self.motor.feed(Knot { position: state.motor_position, velocity: state.motor_velocity });
-        self.table.feed(Knot { position: state.table_position, velocity: state.table_velocity });
+        if let Some(table) = &mut self.table {
+            table.feed(Knot { position: state.table_position, velocity: state.table_velocity });
+        }
         self.loops.pass(1);
     }
+
+    /// Current asked of the drive in the last row.
+    pub const fn asked(&self) -> Current {
+        self.asked
+    }
+
+    /// Limits that acted in it.
+    pub const fn limits(&self) -> Acted {
+        self.limits
+    }
+
+    /// Why the cycle would have stopped the axis in it.
+    pub const fn fault(&self) -> Option<Fault> {
+        self.fault
+    }
+
+    /// What the encoders show with the SYNC.
+    fn latched(&mut self, next: Option<&Neighbour>) -> (Sample, Option<Position>) {
+        let scale = &self.axis.scale;
+        let motor = self.motor.position(Span::ZERO);
+        let table = self.table.as_ref().map(|table| table.position(Span::ZERO));
+        let [motor, table_shown] = self.plant.shown(motor, table.unwrap_or(motor));
+        let position = scale.motor_position(scale.motor_counts(self.start + motor));
+        let table_position = table.map(|_| {
+            let crossing = next.map_or(Position::ZERO, |next| self.plant.crossing(next));
+            scale.table_position(scale.table_counts(self.start + table_shown + crossing))
+        });
+        let sample = Sample {
+            freshness: Freshness::Fresh,
+            position,
+            velocity: self.estimator.advance(position, 1),
+            current: scale.current(scale.current_counts(self.plant.state().current)),
+            ..Sample::default()
+        };
+        (sample, table_position)
+    }
+}
+
+/// Where an axis of constant velocity was so many rows ago, from where it is.
+fn way_back(velocity: Velocity, tick: Span, rows: u8) -> Position {
+    Position::m(-velocity.as_m_per_s() * tick.as_s() * f64::from(rows))
 }

@@ -6,7 +6,7 @@
 //! Any log goes through today's cycle again in [`replay`], or its boards speak to a live host again in
 //! [`playback`]; [`traffic`] turns logs into frames and back. [`simulated`] runs any programme in memory.
 //!
-//! [`tune`] looks for gains, by the shipped loops and the plant themselves ([`in_loop`]).
+//! [`tune`] looks for gains, by the shipped loops and the plant themselves ([`closed_axis`]).
 //!
 //! What a machine file implies before anything runs is in [`check`], from the figures of its
 //! [`loops`] ([`margins`]).
@@ -21,7 +21,6 @@ pub mod draw;
 pub mod gap;
 pub mod hil;
 pub mod identify;
-pub mod in_loop;
 pub mod loops;
 pub mod margins;
 pub mod playback;

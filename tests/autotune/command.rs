@@ -2,15 +2,16 @@
 
 use std::fs;
 use std::io::{BufRead, BufReader, Read};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::{Command, Stdio};
 
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
-use quadrant::config::{self, EMBEDDED};
+use quadrant::config;
 use serde_json::Value;
 use tempfile::TempDir;
 
+use crate::machine_file::machine_file;
 use crate::tool::{run, text, with};
 
 /// A short circle and a short search on the axes as they were found.
@@ -26,21 +27,8 @@ const SHORT: [&str; 9] = [
     "--json",
 ];
 
-/// The reference machine with 120 mm of travel, and changes to it, as a file.
-fn machine(folder: &Path, name: &str, edits: &[(&str, &str)]) -> PathBuf {
-    let travel = [
-        ("travel-min-mm = -250.0", "travel-min-mm = -60.0"),
-        ("travel-max-mm = 250.0", "travel-max-mm = 60.0"),
-        ("travel-margin-mm = 5.0", "travel-margin-mm = 2.0"),
-    ];
-    let changed = travel.iter().chain(edits).fold(EMBEDDED[0].1.to_owned(), |text, (from, to)| {
-        assert!(text.contains(from), "no `{from}`");
-        text.replace(from, to)
-    });
-    let path = folder.join(name);
-    fs::write(&path, changed).unwrap();
-    path
-}
+/// Travel of the machines, mm.
+const TRAVEL_MM: [f64; 2] = [-60.0, 60.0];
 
 /// A machine that is not what its file says, in a folder, and the words to tune it.
 struct Mill {
@@ -53,8 +41,8 @@ struct Mill {
 impl Mill {
     fn new(edits: &[(&str, &str)], plant_edits: &[(&str, &str)]) -> Self {
         let folder = TempDir::new().unwrap();
-        let file = machine(folder.path(), "mill.toml", edits);
-        let plant = machine(folder.path(), "plant.toml", plant_edits);
+        let file = machine_file(folder.path(), "mill.toml", TRAVEL_MM, edits);
+        let plant = machine_file(folder.path(), "plant.toml", TRAVEL_MM, plant_edits);
         let text = fs::read_to_string(&file).unwrap();
         Self { folder, file, text, plant }
     }

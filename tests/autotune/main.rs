@@ -6,6 +6,8 @@
 
 #[path = "../common/mod.rs"]
 mod common;
+#[path = "../common/machine_file.rs"]
+mod machine_file;
 #[path = "../identify_log/machines.rs"]
 #[expect(dead_code, reason = "what is believed here is the file alone")]
 mod machines;

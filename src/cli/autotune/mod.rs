@@ -13,38 +13,20 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::identify::percent;
+use super::stage::StageArguments;
 use super::tune::request::SearchArguments;
-use super::{Outcome, PaceName, print_json, print_text};
+use super::{Outcome, print_json, print_text};
 
 use printed::Told;
 use setup::Setup;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
-    /// Machine file, or an embedded machine: reference, paper, classic
-    #[arg(long, default_value = "reference", value_name = "FILE|NAME")]
-    machine: String,
-    /// CAN interface of the machine: with --pace realtime a real or simulated one, in virtual time `hil-sim`;
-    /// without, the machine is simulated in this process
-    #[arg(long, value_name = "INTERFACE")]
-    bus: Option<String>,
-    /// As fast as the processor allows, or on the wall clock
-    #[arg(long, value_enum, default_value_t = PaceName::Virtual)]
-    pace: PaceName,
-    /// Simulate the axes of this machine file behind the boards: what the machine file does not know of
-    #[arg(long, value_name = "FILE|NAME", conflicts_with = "bus")]
-    plant: Option<String>,
+    #[command(flatten)]
+    stage: StageArguments,
     /// Take every step without asking
     #[arg(long)]
     yes: bool,
-    /// Drive a real machine from a computer that is not fit for real time: at a desk only
-    #[arg(long)]
-    allow_jitter: bool,
-    /// How far the torque constant may be off, as half a 95 % interval
-    #[arg(long, value_name = "PERCENT", default_value_t = 5.0, value_parser = percent,
-          allow_negative_numbers = true)]
-    torque_constant_tolerance_percent: f64,
     #[command(flatten)]
     search: SearchArguments,
     /// Name of the gain set that is written

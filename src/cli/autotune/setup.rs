@@ -7,9 +7,7 @@ use std::sync::atomic::AtomicBool;
 
 use anyhow::{Context, bail, ensure};
 
-use super::super::identify::experiments::plant;
 use super::super::live::{stamp_now, stop_wish};
-use super::super::machine;
 use super::super::tune::request::least_protrusion;
 use super::{Arguments, consent};
 use crate::config::edit::MachineFile;
@@ -48,8 +46,7 @@ pub(super) struct Setup<'a> {
 impl<'a> Setup<'a> {
     /// The setup, and the machine file that is to take the result, as it is read.
     pub(super) fn of(arguments: &'a Arguments) -> anyhow::Result<(Self, MachineFile)> {
-        let machine = machine(&arguments.machine)?;
-        let plant = plant(arguments.plant.as_deref(), &machine)?;
+        let [machine, plant] = arguments.stage.machines()?;
         let count = machine.axes.count();
         ensure!(
             count == AXES,
@@ -84,11 +81,7 @@ impl<'a> Setup<'a> {
         consent::is_possible(arguments.yes)?;
         std::fs::create_dir_all(&folder)
             .with_context(|| format!("cannot create the output folder {}", folder.display()))?;
-        let place = Place {
-            pace: arguments.pace.pace(),
-            interface: arguments.bus.as_deref(),
-            seed: arguments.search.seed,
-        };
+        let place = arguments.stage.place(arguments.search.seed);
         let stop = stop_wish(&place)?;
         let given = Choice::of_set(&machine, set);
         let setup =
@@ -105,11 +98,11 @@ impl<'a> Setup<'a> {
 /// The file that is to take the result: the machine file itself, unless another is named; a machine that comes with
 /// the program has no file.
 fn target(arguments: &Arguments, machine: &Machine, folder: &Path) -> PathBuf {
-    let is_embedded = EMBEDDED.iter().any(|(name, _)| *name == arguments.machine);
+    let is_embedded = EMBEDDED.iter().any(|(name, _)| *name == arguments.stage.machine);
     match &arguments.write {
         Some(file) => file.clone(),
         None if is_embedded => folder.join(format!("{}.toml", machine.name)),
-        None => PathBuf::from(&arguments.machine),
+        None => PathBuf::from(&arguments.stage.machine),
     }
 }
 

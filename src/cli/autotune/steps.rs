@@ -86,7 +86,7 @@ fn check(setup: &Setup<'_>) -> anyhow::Result<()> {
     for warning in MachineReport::of(&setup.machine).warnings {
         eprintln!("  warning: {}: {}", warning.key, warning.message);
     }
-    live::greet(&setup.machine, &setup.plant, &setup.place, setup.arguments.allow_jitter)
+    live::greet(&setup.machine, &setup.plant, &setup.place, setup.arguments.stage.allow_jitter)
 }
 
 /// A circular test both ways round, from where the axes stand and back.
@@ -106,7 +106,7 @@ fn circle(
         test: machine.circle_test(&request)?,
         returns: true,
         place: &setup.place,
-        allow_jitter: setup.arguments.allow_jitter,
+        allow_jitter: setup.arguments.stage.allow_jitter,
         stop_wish: setup.stop.clone(),
         log: &log,
         title: "circular test",
@@ -134,7 +134,7 @@ fn identify(setup: &Setup<'_>, file: &mut MachineFile, told: &mut Told) -> anyho
         plant,
         programme: plan.programme(),
         place,
-        allow_jitter: setup.arguments.allow_jitter,
+        allow_jitter: setup.arguments.stage.allow_jitter,
         stop_wish: setup.stop.clone(),
         log: &log,
         title: "experiments",
@@ -145,7 +145,7 @@ fn identify(setup: &Setup<'_>, file: &mut MachineFile, told: &mut Told) -> anyho
     ended(&ending, &written, lost_records, told)?;
 
     let logs = Logs::open(&[log])?;
-    let tolerance = setup.arguments.torque_constant_tolerance_percent;
+    let tolerance = setup.arguments.stage.torque_constant_tolerance_percent;
     let axes = logs.identify_all(Settings { torque_constant_tolerance_percent: tolerance })?;
     told.identified = axis::findings(&axes);
     let taken = write_back::put(file, machine, &axes, &Origin::of(&logs))?;

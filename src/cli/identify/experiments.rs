@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use anyhow::{Context, bail};
 
 use super::super::live::{Job, moves_a_machine, outcome_of, stamp_now, stop_wish, with_losses};
-use super::super::{Outcome, machine, view};
+use super::super::{Outcome, view};
 use super::{Arguments, logs};
 use crate::base::axis::AxisId;
 use crate::config::Machine;
@@ -16,15 +16,13 @@ use crate::offline::identify::plan::{Plan, Request};
 use crate::run::{self, Origin, Place};
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
-    let machine = machine(&arguments.machine)?;
-    let plant = plant(arguments.plant.as_deref(), &machine)?;
+    let [machine, plant] = arguments.stage.machines()?;
     let request = Request { gains: arguments.gains.clone(), axes: axes(arguments, &machine)? };
     let plan = Plan::of(&machine, &request)?;
     if plan.steps.is_empty() {
         bail!("machine {}: no experiment is possible: {}", machine.name, plan.left_out.join("; "));
     }
-    let place =
-        Place { pace: arguments.pace.pace(), interface: arguments.bus.as_deref(), seed: arguments.seed };
+    let place = arguments.stage.place(arguments.seed);
     announce(&machine, &plan, &place);
     if moves_a_machine(&place) && !arguments.yes && !agreed()? {
         eprintln!("nothing was moved");
@@ -36,7 +34,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         plant: &plant,
         programme: plan.programme(),
         place: &place,
-        allow_jitter: arguments.allow_jitter,
+        allow_jitter: arguments.stage.allow_jitter,
         stop_wish: stop_wish(&place)?,
         log: &log,
         title: "experiments",
@@ -52,23 +50,6 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     eprintln!("{} cycles in {:.1} s, log: {}", recorded.cycles, recorded.wall_s, log.display());
     let analysed = logs::run(arguments, &[log])?;
     Ok(if outcome == Outcome::Done { analysed } else { outcome })
-}
-
-/// The machine behind the boards: that of the file, unless another was named.
-pub(in crate::cli) fn plant(name: Option<&str>, of_file: &Machine) -> anyhow::Result<Machine> {
-    let Some(name) = name else { return Ok(of_file.clone()) };
-    let plant = machine(name)?;
-    if plant.axes.count() != of_file.axes.count() || plant.cycle.period != of_file.cycle.period {
-        bail!(
-            "--plant {name}: {} axes every {} us, machine {} has {} every {} us",
-            plant.axes.count(),
-            plant.cycle.period.as_us(),
-            of_file.name,
-            of_file.axes.count(),
-            of_file.cycle.period.as_us()
-        );
-    }
-    Ok(plant)
 }
 
 /// The axes of `--axes`; empty: all.

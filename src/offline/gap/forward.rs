@@ -112,7 +112,8 @@ impl Course {
     pub fn run(&self, axis: &Axis, every: u32, gain_set: u8, plant: &Parameters) -> Signals {
         let every = every as usize;
         let rows = self.setpoints.len();
-        let mut closed = ClosedAxis::begin(axis, gain_set, plant, self.start);
+        let closed = ClosedAxis::taken_over(axis, gain_set, plant, &self.start);
+        let mut closed = if self.has_table { closed.with_table() } else { closed };
         let mut signals = Signals {
             following_error_m: Vec::with_capacity(rows),
             deflection_m: Vec::with_capacity(if self.has_table { rows } else { 0 }),
@@ -121,9 +122,7 @@ impl Course {
         for (row, setpoint) in self.setpoints.iter().enumerate() {
             let logged = closed.row(setpoint, row % every == self.phase, self.next.get(row));
             signals.following_error_m.push((setpoint.position - logged.position).as_m());
-            if self.has_table {
-                signals.deflection_m.push((logged.position - logged.table_position).as_m());
-            }
+            signals.deflection_m.extend(logged.table_position.map(|table| (logged.position - table).as_m()));
             signals.current_a.push(logged.current.as_a());
             closed.pass();
         }

@@ -5,7 +5,7 @@
 //!   settled circle ──► swap to the gains ──► settle ──► 0.35 s before ─ reversal ─ 0.35 s after
 //! ```
 //!
-//! The run ([`InLoop`]) begins on the orbit of the loop without friction ([`Loops::response`]). The other axis,
+//! The run ([`ClosedAxis`]) begins on the orbit of the loop without friction ([`Loops::response`]). The other axis,
 //! which runs at full feed, is left out.
 //!
 //! Height and dip are those of [`super::super::circle::protrusion`] in the direction of the radius, against the
@@ -18,7 +18,7 @@ use crate::base::setpoint::Setpoint;
 use crate::base::units::{Acceleration, Current, Position, Velocity};
 use crate::config::Machine;
 use crate::config::machine::{Axis, Gains};
-use crate::offline::in_loop::InLoop;
+use crate::offline::closed_axis::ClosedAxis;
 use crate::offline::loops::Loops;
 use crate::plant::{Plant, steady_force};
 
@@ -147,7 +147,7 @@ impl<'m> Window<'m> {
 /// The axis on its way round.
 struct Run<'w> {
     window: &'w Window<'w>,
-    axis: InLoop<'w>,
+    axis: ClosedAxis<'w>,
     every: usize,
     /// Radius of the orbit without friction, and cosine and sine of how far it is behind the setpoint.
     orbit_m: f64,
@@ -172,7 +172,7 @@ impl<'w> Run<'w> {
         let start = Position::m(orbit_m * cos - droop_m_per_s / gains.position.gain_per_s);
         Self {
             window,
-            axis: InLoop::sliding(axis, window.sliding.clone(), start, velocity, gains),
+            axis: ClosedAxis::sliding(axis, window.sliding.clone(), start, velocity, gains),
             every: machine.cycle.position_every as usize,
             orbit_m,
             ahead: [response.re / response.norm(), -response.im / response.norm()],
@@ -186,7 +186,10 @@ impl<'w> Run<'w> {
         if is_position_tick {
             self.setpoint = self.setpoint(tick);
         }
-        self.axis.tick(&self.setpoint, is_position_tick)
+        if tick > 0 {
+            self.axis.pass();
+        }
+        self.axis.row(&self.setpoint, is_position_tick, None).position
     }
 
     fn setpoint(&self, tick: usize) -> Setpoint {

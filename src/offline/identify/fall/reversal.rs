@@ -1,7 +1,7 @@
 //! A reversal of a log, and the same reversal as the shipped loops make it of another axis.
 //!
 //! What the log commanded is commanded again, from the same place and speed, with the same gains, encoder and
-//! delays ([`InLoop`]). Compared is the current that was asked for, as a force at the table: the loops make it of
+//! delays ([`ClosedAxis`]). Compared is the current that was asked for, as a force at the table: the loops make it of
 //! encoder counts and setpoints alone, so it is without the noise of a current measurement. Friction is that of the
 //! place: the sliding at both ends of the reversal and the ripple of the screw tell how much it is there.
 //! Units: SI, N at the table, positive along the motion before the reversal.
@@ -16,7 +16,7 @@ use super::signature::{Signature, signature};
 use crate::base::setpoint::Setpoint;
 use crate::base::units::{Acceleration, Position, Velocity};
 use crate::config::machine::Axis;
-use crate::offline::in_loop::InLoop;
+use crate::offline::closed_axis::ClosedAxis;
 use crate::plant::friction::Law;
 use crate::plant::{Parameters, Plant};
 
@@ -123,10 +123,11 @@ impl Reversal {
         let start = self.position + axis.scale.motor_resolution() * count;
         let plant = Plant::sliding(&axis.plant, axis.control.tick, self.velocity, start);
         let gains = axis.control.gain_sets[usize::from(self.gain_set)];
-        let mut run = InLoop::sliding(&axis, plant, start, self.velocity, &gains);
+        let mut run = ClosedAxis::sliding(&axis, plant, start, self.velocity, &gains);
         let every = axis.control.position_every as usize;
         let row = |(row, setpoint): (usize, &Setpoint)| {
-            run.tick(setpoint, row.is_multiple_of(every));
+            run.row(setpoint, row.is_multiple_of(every), None);
+            run.pass();
             run.asked().as_a() * self.newtons_per_a
         };
         self.setpoints[..rows].iter().enumerate().map(row).collect()
