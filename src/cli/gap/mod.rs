@@ -1,24 +1,26 @@
 //! `quadrant gap`: where simulation and measurement disagree, the effect that is missing, and how far the gap shrinks
 //! with it.
 
+mod demo;
 mod printed;
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
-use clap::Args;
+use clap::{Args, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::live::stamp_now;
 use super::{Outcome, machine, print_json, print_text};
+use crate::base::axis::AxisId;
 use crate::config::edit::MachineFile;
 use crate::config::{self, Machine};
 use crate::log::Reader;
 use crate::log::header::rfc3339;
 use crate::offline::gap::analysis::{Analysis, Request, analyse};
 use crate::offline::gap::intake;
-use crate::offline::gap::runs::{Intake, Run};
+use crate::offline::gap::runs::Intake;
 use crate::offline::gap::write_back::{self, Origin};
 use crate::offline::identify::foreign::Raw;
 use crate::offline::report;
@@ -28,7 +30,10 @@ use crate::run::{VERSION, wall_now_ns};
 use printed::Printed;
 
 #[derive(Debug, Args)]
+#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 pub(super) struct Arguments {
+    #[command(subcommand)]
+    verb: Option<Verb>,
     /// Runs of one machine: logs (MCAP), and CSV files with the columns t_s, x.setpoint_mm, x.position_mm, x.table_mm,
     /// x.current_a
     #[arg(long, value_name = "FILE", num_args = 1.., required = true)]
@@ -57,7 +62,20 @@ pub(super) struct Arguments {
     json: bool,
 }
 
+#[derive(Debug, Subcommand)]
+enum Verb {
+    /// Hide an effect in a simulated machine, record circles of it, and find it
+    Demo(demo::Arguments),
+}
+
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
+    match &arguments.verb {
+        Some(Verb::Demo(arguments)) => demo::run(arguments),
+        None => of_data(arguments),
+    }
+}
+
+fn of_data(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let map = match &arguments.columns {
         Some(path) => {
             Some(std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?)
@@ -65,83 +83,88 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         None => None,
     };
     let machine = machine_of(arguments)?;
-    let mut axes = Vec::new();
-    for name in &arguments.axes {
-        let known = machine.axis_names();
-        let Some(id) = machine.axes.axes().find(|id| known[id.index()] == *name) else {
-            bail!("no axis \"{name}\" in machine {}; it has {}", machine.name, known.join(", "));
-        };
-        axes.push(id);
-    }
-    let mut runs: Vec<Run> = Vec::new();
-    let mut repaired = Vec::new();
+    let axes = arguments.axes.iter().map(|name| axis_of(&machine, name)).collect::<anyhow::Result<_>>()?;
+    let mut intake = Intake::default();
     for path in &arguments.data {
-        let Intake { runs: more, repaired: said } = read(path, map.as_deref(), &machine)?;
-        runs.extend(more);
-        repaired.extend(said);
+        intake.extend(read(path, map.as_deref(), &machine)?);
     }
-    for said in &repaired {
-        eprintln!("repaired: {said}");
-    }
-    let bar = ProgressBar::new_spinner();
-    bar.set_style(ProgressStyle::with_template("{spinner} {msg} ({elapsed})")?);
-    bar.enable_steady_tick(std::time::Duration::from_millis(200));
-    let request = Request { gains: arguments.gains.clone(), axes };
-    let analysis = analyse(&machine, &runs, &request, &|what| bar.set_message(what.to_owned()));
-    bar.finish_and_clear();
-    let analysis = analysis?;
-    let names: Vec<&str> = runs.iter().map(|run| run.name.as_str()).collect();
-    let origin = Origin { runs: names.join(", "), date: rfc3339(wall_now_ns()), commit: VERSION.to_owned() };
-    let mut after = MachineFile::create(Path::new("machine.toml"), &machine)?;
-    let is_changed = write_back::put(&mut after, &machine, &analysis, &origin)?;
+    let gap = Gap::of(&machine, intake, &Request { gains: arguments.gains.clone(), axes })?;
     if let Some(path) = &arguments.write {
-        write(path, is_changed, &machine, &analysis, &origin)?;
+        gap.write(path)?;
     }
-    let after = is_changed.then(|| after.text());
-    let mut printed = Printed::new(&machine, &runs, &analysis, repaired, after);
-    if let Some(folder) = &arguments.report {
-        printed.report = Some(report::gap::write(folder, &machine, &analysis, &printed.rows())?);
-    }
-    if arguments.json {
-        print_json(&printed)?;
-    } else {
-        print_text(&printed.text())?;
-    }
+    gap.tell(arguments.report.as_deref(), arguments.json)?;
     Ok(Outcome::Done)
 }
 
-/// Puts what was named into a file.
-fn write(
-    path: &Path,
-    is_changed: bool,
-    machine: &Machine,
-    analysis: &Analysis<'_>,
-    origin: &Origin,
-) -> anyhow::Result<()> {
-    if !is_changed {
-        eprintln!("nothing was named; {} is not written", path.display());
-        return Ok(());
+/// The axis of a name.
+fn axis_of(machine: &Machine, name: &str) -> anyhow::Result<AxisId> {
+    let known = machine.axis_names();
+    machine.axes.axes().find(|id| known[id.index()] == name).with_context(|| {
+        format!("no axis \"{name}\" in machine {}; it has {}", machine.name, known.join(", "))
+    })
+}
+
+/// What runs say of a machine.
+struct Gap<'m> {
+    machine: &'m Machine,
+    intake: Intake,
+    analysis: Analysis<'m>,
+    origin: Origin,
+}
+
+impl<'m> Gap<'m> {
+    /// Analyses the runs; what is being done is shown meanwhile.
+    fn of(machine: &'m Machine, intake: Intake, request: &Request) -> anyhow::Result<Self> {
+        for said in &intake.repaired {
+            eprintln!("repaired: {said}");
+        }
+        let bar = ProgressBar::new_spinner();
+        bar.set_style(ProgressStyle::with_template("{spinner} {msg} ({elapsed})")?);
+        bar.enable_steady_tick(std::time::Duration::from_millis(200));
+        let analysis = analyse(machine, &intake.runs, request, &|what| bar.set_message(what.to_owned()));
+        bar.finish_and_clear();
+        let names: Vec<&str> = intake.runs.iter().map(|run| run.name.as_str()).collect();
+        let origin =
+            Origin { runs: names.join(", "), date: rfc3339(wall_now_ns()), commit: VERSION.to_owned() };
+        Ok(Self { machine, analysis: analysis?, intake, origin })
     }
-    let mut file = if path.exists() {
-        let file = MachineFile::open(path)?;
+
+    /// Prints it, with a page in a folder if there is to be one.
+    fn tell(&self, report: Option<&Path>, json: bool) -> anyhow::Result<()> {
+        let Self { machine, intake, analysis, origin } = self;
+        let mut after = MachineFile::create(Path::new("machine.toml"), machine)?;
+        let is_changed = write_back::put(&mut after, machine, analysis, origin)?;
+        let after = is_changed.then(|| after.text());
+        let mut printed = Printed::new(machine, &intake.runs, analysis, intake.repaired.clone(), after);
+        if let Some(folder) = report {
+            printed.report = Some(report::gap::write(folder, machine, analysis, &printed.rows())?);
+        }
+        if json { print_json(&printed) } else { print_text(&printed.text()) }
+    }
+
+    /// Puts what was named into a file.
+    fn write(&self, path: &Path) -> anyhow::Result<()> {
+        let Self { machine, analysis, origin, .. } = self;
+        let exists = path.exists();
+        let mut file = if exists { MachineFile::open(path)? } else { MachineFile::create(path, machine)? };
         // What was named holds beside what these runs were held against, and nothing else.
-        if file.text() != machine.text {
+        if exists && file.text() != machine.text {
             bail!(
                 "{} is not the machine file that the runs were held against; give that one with --machine, or a new file",
                 path.display()
             );
         }
-        file
-    } else {
-        MachineFile::create(path, machine)?
-    };
-    write_back::put(&mut file, machine, analysis, origin)?;
-    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-    let beside = path.with_file_name(format!("{stem}.before-{}.toml", stamp_now()));
-    file.keep_old(&beside)?;
-    file.replace()?;
-    eprintln!("{} written", path.display());
-    Ok(())
+        if !write_back::put(&mut file, machine, analysis, origin)? {
+            eprintln!("nothing was named; {} is not written", path.display());
+            return Ok(());
+        }
+        let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+        let beside = path.with_file_name(format!("{stem}.before-{}.toml", stamp_now()));
+        file.keep_old(&beside)?;
+        file.replace()?;
+        eprintln!("{} written", path.display());
+        Ok(())
+    }
 }
 
 /// The machine of the option; without it that of the first log, which carries its own.

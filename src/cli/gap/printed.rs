@@ -135,7 +135,7 @@ impl Printed {
                 axis.named.effects.iter().enumerate().flat_map(move |(place, named)| {
                     let axis_name = axis_name.clone();
                     named.class.iter().enumerate().map(move |(rank, (candidate, weight))| {
-                        let others = named.class.iter().map(|(other, _)| other.name());
+                        let others = named.members();
                         let alternatives = others
                             .filter(|other| *other != candidate.name())
                             .chain(named.runner_up.map(|(name, _)| name))

@@ -113,6 +113,13 @@ pub struct NamedEffect {
 }
 
 impl NamedEffect {
+    /// Names of its class, the best first.
+    pub fn members(&self) -> impl Iterator<Item = &'static str> {
+        self.class.iter().map(|(candidate, _)| candidate.name())
+    }
+}
+
+impl NamedEffect {
     /// What an axis must do to tell it from the others of its class; nothing where it is alone, or where no log tells
     /// them apart.
     pub fn told_apart_by(&self) -> Option<Experiment> {

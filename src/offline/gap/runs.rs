@@ -158,10 +158,18 @@ impl Run {
 }
 
 /// Runs of a file with what was repaired in it.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Intake {
     /// The pieces that are whole, in order.
     pub runs: Vec<Run>,
     /// What was repaired, in words.
     pub repaired: Vec<String>,
+}
+
+impl Intake {
+    /// Takes in those of another file.
+    pub fn extend(&mut self, more: Self) {
+        self.runs.extend(more.runs);
+        self.repaired.extend(more.repaired);
+    }
 }
