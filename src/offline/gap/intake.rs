@@ -10,10 +10,12 @@
 //! Invariant: nothing is repaired without a word.
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 use super::grid::{Grid, REPAIRED_SHARE_MAX};
 use super::runs::{AxisRun, Intake, Run, RunError, span};
 use crate::base::axis::AxisId;
+use crate::base::record::ModeTag;
 use crate::config::Machine;
 use crate::offline::identify::foreign::{Effort, ForeignAxis, Raw};
 use crate::offline::trace::Trace;
@@ -36,6 +38,11 @@ const LAG_FACTOR: f64 = 3.0;
 /// # Errors
 /// [`RunError`], where the data cannot be what they say they are.
 pub fn of_raw(name: &str, raw: Raw, machine: &Machine) -> Result<Intake, RunError> {
+    in_units(pieces(name, raw, machine)?, machine)
+}
+
+/// The runs between long gaps, in whatever unit they are.
+fn pieces(name: &str, raw: Raw, machine: &Machine) -> Result<Intake, RunError> {
     let mut repaired = Vec::new();
     let mut axes = BTreeMap::new();
     for (axis, columns) in raw.axes {
@@ -53,34 +60,89 @@ pub fn of_raw(name: &str, raw: Raw, machine: &Machine) -> Result<Intake, RunErro
         runs.push(grid.piece(part, piece, &raw.time_s, &axes));
     }
     let runs = fill_all(name, runs, machine, &mut repaired)?;
-    checked(name, runs, machine, repaired)
+    if !runs.iter().any(|run| run.axes.values().any(|axis| span(&axis.setpoint_m) > STANDING_M)) {
+        return Err(RunError::Standing { run: name.to_owned() });
+    }
+    for run in &runs {
+        for (id, axis) in run.axes.iter().filter(|(_, axis)| span(&axis.setpoint_m) >= FROZEN_WAY_M) {
+            let name = &machine.axis_names()[id.index()];
+            let table = axis.table_m.iter().map(|table_m| ("table position", table_m));
+            for (channel, column) in
+                [("position", &axis.position_m), ("current", &axis.current_a)].into_iter().chain(table)
+            {
+                not_frozen(&run.name, name, channel, column, &axis.setpoint_m, run.period_s)?;
+            }
+        }
+    }
+    Ok(Intake { runs, repaired })
 }
 
-/// The runs of a log.
+/// The runs of a log: the stretches in which the loops of all axes acted, and nothing but their setpoints moved them.
 ///
 /// # Errors
 /// As [`of_raw`].
 pub fn of_trace(name: &str, trace: &Trace, machine: &Machine) -> Result<Intake, RunError> {
-    let axes = (machine.axes.axes().zip(&trace.axes)).map(|(id, axis)| {
-        let columns = ForeignAxis {
-            setpoint_m: Some(axis.setpoint_position_m.clone()),
-            position_m: axis.motor_position_m.clone(),
-            table_m: axis.table_position_m.clone(),
-            effort: Effort::Current(axis.current_a.clone()),
-            controller: None,
-        };
-        (machine.axis_names()[id.index()].clone(), columns)
-    });
-    let mut raw = Raw { time_s: trace.time_s.clone(), axes: axes.collect() };
-    // A stale sample is that of a cycle before.
-    for (columns, axis) in raw.axes.values_mut().zip(&trace.axes) {
-        for (row, is_fresh) in axis.is_fresh.iter().enumerate() {
-            if !is_fresh {
-                columns.position_m[row] = f64::NAN;
+    let stretches = in_loop(trace);
+    let length_s = |rows: &Range<usize>| rows.len() as f64 * trace.period_s;
+    let long: Vec<_> = stretches.iter().filter(|rows| length_s(rows) >= SHORTEST_S).collect();
+    if long.is_empty() {
+        let length_s = stretches.iter().map(length_s).fold(0.0, f64::max);
+        return Err(RunError::TooShort { run: name.to_owned(), length_s });
+    }
+    let mut all = Intake::default();
+    for (number, rows) in long.iter().enumerate() {
+        let part = if long.len() == 1 { name.to_owned() } else { format!("{name}, stretch {}", number + 1) };
+        // What a log of ours is in needs no guess.
+        match pieces(&part, raw_of(trace, rows, machine), machine) {
+            Ok(intake) => all.extend(intake),
+            // It was held, and moved in another.
+            Err(RunError::Standing { .. }) if long.len() > 1 => {
+                all.repaired.push(format!("{part}: left out, no axis was asked to move"));
             }
+            Err(error) => return Err(error),
         }
     }
-    of_raw(name, raw, machine)
+    Ok(all)
+}
+
+/// Rows of a log between those in which an axis was without current, followed another gain set or was excited.
+fn in_loop(trace: &Trace) -> Vec<Range<usize>> {
+    let is_driven = |row: usize| {
+        trace.axes.iter().all(|axis| {
+            matches!(axis.mode[row], ModeTag::Ready | ModeTag::Moving | ModeTag::Stopping)
+                && axis.excitation_m_per_s[row] == 0.0
+        })
+    };
+    let gains = |row: usize| trace.axes.iter().map(move |axis| axis.gain_set[row]);
+    let mut stretches: Vec<Range<usize>> = Vec::new();
+    for row in (0..trace.len()).filter(|row| is_driven(*row)) {
+        match stretches.last_mut().filter(|last| last.end == row && gains(row).eq(gains(row - 1))) {
+            Some(last) => last.end = row + 1,
+            None => stretches.push(row..row + 1),
+        }
+    }
+    stretches
+}
+
+fn raw_of(trace: &Trace, rows: &Range<usize>, machine: &Machine) -> Raw {
+    let of = |column: &[f64]| column[rows.clone()].to_vec();
+    let axes = (machine.axes.axes().zip(&trace.axes)).map(|(id, axis)| {
+        let mut columns = ForeignAxis {
+            setpoint_m: Some(of(&axis.setpoint_position_m)),
+            position_m: of(&axis.motor_position_m),
+            table_m: axis.table_position_m.as_deref().map(of),
+            effort: Effort::Current(of(&axis.current_a)),
+            controller: None,
+        };
+        // A stale sample is that of a cycle before.
+        for (position_m, is_fresh) in columns.position_m.iter_mut().zip(&axis.is_fresh[rows.clone()]) {
+            if !is_fresh {
+                *position_m = f64::NAN;
+            }
+        }
+        (machine.axis_names()[id.index()].clone(), columns)
+    });
+    Raw { time_s: of(&trace.time_s), axes: axes.collect() }
 }
 
 fn columns_of(
@@ -169,28 +231,15 @@ fn fill(column: &mut [f64], is_sound: &mut [bool]) -> usize {
     column.len() - known.len()
 }
 
-/// Refuses what cannot be, and turns what can only be another unit or sense.
-fn checked(
-    file: &str,
-    mut runs: Vec<Run>,
-    machine: &Machine,
-    mut repaired: Vec<String>,
-) -> Result<Intake, RunError> {
-    let moves = |run: &Run| run.axes.values().any(|axis| span(&axis.setpoint_m) > STANDING_M);
-    if !runs.iter().any(moves) {
-        return Err(RunError::Standing { run: file.to_owned() });
-    }
+/// Turns what can only be another unit or sense, and refuses what cannot be.
+fn in_units(intake: Intake, machine: &Machine) -> Result<Intake, RunError> {
+    let Intake { mut runs, mut repaired } = intake;
     for run in &mut runs {
         for (id, axis) in &mut run.axes {
             if span(&axis.setpoint_m) < FROZEN_WAY_M {
                 continue;
             }
             let name = machine.axis_names()[id.index()].clone();
-            not_frozen(&run.name, &name, "position", &axis.position_m, &axis.setpoint_m, run.period_s)?;
-            not_frozen(&run.name, &name, "current", &axis.current_a, &axis.setpoint_m, run.period_s)?;
-            if let Some(table_m) = &axis.table_m {
-                not_frozen(&run.name, &name, "table position", table_m, &axis.setpoint_m, run.period_s)?;
-            }
             let scale = &machine.axes[*id].scale;
             let motor_m = scale.motor_resolution().as_m();
             let columns =

@@ -1,0 +1,69 @@
+//! Promise: a log of ours is a run like any other: what the machine of its file, from the command alone, makes of it
+//! is what was logged, and rows in which its loops did not act are no part of it.
+#![cfg(feature = "offline")]
+
+use std::sync::Arc;
+
+use quadrant::base::axis::AxisId;
+use quadrant::base::units::Position;
+use quadrant::config::{self, Machine};
+use quadrant::offline::gap::demo::circles;
+use quadrant::offline::gap::forward::{Course, SETTLE_S, Signals, without_counts};
+use quadrant::offline::gap::intake;
+use quadrant::offline::gap::runs::RunError;
+use quadrant::offline::simulated;
+use quadrant::offline::trace::{Trace, Tracing};
+
+/// The fastest circle of the demonstration, one way and once, as its log has it.
+fn logged(machine: &Machine) -> Trace {
+    let (_, mut request) = circles("standard").pop().expect("a circle");
+    request.circle.radius = Position::mm(4.0);
+    request.circle.revolutions = 1;
+    request.directions.truncate(1);
+    let test = machine.circle_test(&request).expect("a test");
+    let mut tracing = Tracing::default();
+    simulated::run(machine, machine, test, 1, &Arc::default(), &mut tracing).expect("a run");
+    tracing.finish().expect("a trace")
+}
+
+#[test]
+fn a_log_is_what_its_machine_makes_of_the_command() {
+    let machine = config::load("paper").expect("a machine");
+    let trace = logged(&machine);
+    let intake = intake::of_trace("log", &trace, &machine).expect("runs");
+    let [run] = intake.runs.as_slice() else { panic!("{} runs", intake.runs.len()) };
+    assert!(run.len() < trace.len(), "with the rows without current: {} of {}", run.len(), trace.len());
+    for (id, measured) in &run.axes {
+        let axis = without_counts(&machine.axes[*id]);
+        let every = machine.cycle.position_every;
+        let measured = Signals::measured(measured);
+        let off_um = |phase: usize| {
+            let course = Course::new(run, &machine, *id, phase, 0.0).expect("an axis");
+            let made = course.run(&axis, every, 0, &axis.plant);
+            let settled = (SETTLE_S / run.period_s) as usize;
+            let both = made.following_error_m.iter().zip(&measured.following_error_m).skip(settled);
+            both.fold(0.0, |most: f64, (made, logged)| most.max((made - logged).abs() * 1e6))
+        };
+        // The log does not tell which of its rows were ticks of the position loop.
+        let least_um = (0..every as usize).map(off_um).fold(f64::INFINITY, f64::min);
+        assert!(least_um < 0.3, "axis {id}: {least_um} um off");
+    }
+}
+
+#[test]
+fn rows_without_current_or_under_excitation_part_a_log() {
+    let machine = config::load("paper").expect("a machine");
+    let mut trace = logged(&machine);
+    let middle = trace.len() / 2;
+    for row in middle..middle + 10 {
+        trace.axes[AxisId::Y.index()].excitation_m_per_s[row] = 1e-3;
+    }
+    let intake = intake::of_trace("log", &trace, &machine).expect("runs");
+    let names: Vec<&str> = intake.runs.iter().map(|run| run.name.as_str()).collect();
+    assert_eq!(names, ["log, stretch 1", "log, stretch 2"]);
+    for axis in &mut trace.axes {
+        axis.mode.fill(quadrant::base::record::ModeTag::Off);
+    }
+    let refused = intake::of_trace("log", &trace, &machine).expect_err("a refusal");
+    assert!(matches!(refused, RunError::TooShort { .. }), "{refused}");
+}
