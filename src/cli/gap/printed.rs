@@ -134,12 +134,13 @@ impl Printed {
                 let axis_name = name(axis);
                 axis.named.effects.iter().enumerate().flat_map(move |(place, named)| {
                     let axis_name = axis_name.clone();
+                    // What came next is no member of a class.
+                    let is_alone = named.class.len() == 1;
+                    let runner_up = named.runner_up.filter(|_| is_alone).map(|(name, _)| name);
                     named.class.iter().enumerate().map(move |(rank, (candidate, weight))| {
                         let others = named.members();
-                        let alternatives = others
-                            .filter(|other| *other != candidate.name())
-                            .chain(named.runner_up.map(|(name, _)| name))
-                            .collect();
+                        let alternatives =
+                            others.filter(|other| *other != candidate.name()).chain(runner_up).collect();
                         // The likeliest beside all that was named later.
                         let (fitted, place) = match rank {
                             0 => (&axis.named.model, place),

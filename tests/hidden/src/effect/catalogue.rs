@@ -240,7 +240,8 @@ impl Kind {
         match self {
             Self::ConstantForce => {
                 train.constant = shape.sign * size * 0.3 * plant.sliding;
-                keys.add("force-n", train.constant);
+                // The file counts it along the travel.
+                keys.add("force-n", -train.constant);
             }
             Self::SpringLoad => {
                 train.spring = size * 0.3 * plant.sliding / REACH;
