@@ -4,12 +4,16 @@
 
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
+use std::path::Path;
 
 use quadrant::base::axis::AxisId;
+use quadrant::config::edit::MachineFile;
 use quadrant::config::{self, Machine};
 use quadrant::offline::gap::analysis::{Analysis, GapError, Request, Verdict, analyse};
+use quadrant::offline::gap::controller;
 use quadrant::offline::gap::forward::Course;
 use quadrant::offline::gap::runs::{AxisRun, Run};
+use quadrant::offline::gap::write_back::{self, Origin};
 use quadrant::plant::Parameters;
 use quadrant::plant::effects::entry;
 use rand::SeedableRng;
@@ -20,8 +24,16 @@ const ROWS_PER_S: f64 = 2_000.0;
 /// Noise of the current, rms.
 const NOISE_A: f64 = 0.02;
 
-/// Two laps of one axis of a circle as a machine with this plant logs them.
-fn circle(machine: &Machine, plant: &Parameters, name: &str, radius_mm: f64, lap_s: f64, seed: u64) -> Run {
+/// Two laps of one axis of a circle as a machine with this plant logs them; its position loop acts in the row `phase`
+/// first.
+fn circle(
+    machine: &Machine,
+    plant: &Parameters,
+    name: &str,
+    [radius_mm, lap_s]: [f64; 2],
+    seed: u64,
+    phase: usize,
+) -> Run {
     let rows = (2.2 * lap_s * ROWS_PER_S) as usize;
     // From rest: the way grows over the first fifth of a lap.
     let place = |row: usize| {
@@ -42,7 +54,7 @@ fn circle(machine: &Machine, plant: &Parameters, name: &str, radius_mm: f64, lap
         axes: BTreeMap::from([(AxisId::X, blank)]),
         is_sound: vec![true; rows],
     };
-    let course = Course::new(&run, machine, AxisId::X, 0, 0.0).expect("an axis");
+    let course = Course::new(&run, machine, AxisId::X, phase, 0.0).expect("an axis");
     let made = course.run(&machine.axes[AxisId::X], machine.cycle.position_every, 0, plant);
     let mut random = Pcg64Mcg::seed_from_u64(seed);
     let noise = Normal::new(0.0, NOISE_A).expect("a width");
@@ -70,7 +82,7 @@ fn runs(machine: &Machine, effect: Option<(&str, f64)>) -> Vec<Run> {
         plant = plant.with_effect(entry, values);
     }
     [("slow", 10.0, 2.4, 1), ("fast", 20.0, 1.6, 2), ("heldout", 15.0, 2.0, 3)]
-        .map(|(name, radius_mm, lap_s, seed)| circle(machine, &plant, name, radius_mm, lap_s, seed))
+        .map(|(name, radius_mm, lap_s, seed)| circle(machine, &plant, name, [radius_mm, lap_s], seed, 0))
         .to_vec()
 }
 
@@ -89,7 +101,7 @@ fn a_hidden_backlash_is_named_and_closes_the_gap() {
     assert_eq!(axis.verdict, Verdict::Named);
     let names: Vec<&str> = axis.named.effects.iter().map(|effect| effect.name).collect();
     assert_eq!(names, ["backlash"]);
-    let (_, width_um, [low, high]) = axis.named.model.last_effect()[0];
+    let (_, width_um, [low, high]) = axis.named.model.effect(0)[0];
     assert!((width_um - 2.0).abs() < 0.1, "{width_um} um");
     assert!(low < width_um && width_um < high);
     // Encoder and scale are all but perfect here: what is left is the noise of the current.
@@ -97,6 +109,32 @@ fn a_hidden_backlash_is_named_and_closes_the_gap() {
     assert!(current.after < 1.05 * NOISE_A, "{current:?}");
     let deflection = axis.gap.iter().find(|gap| gap.signal == "deflection").expect("a scale");
     assert!(deflection.closed_share() > 0.95, "{deflection:?}");
+
+    let mut file = MachineFile::create(Path::new("mill.toml"), &machine).expect("a file");
+    let origin =
+        Origin { runs: "slow, fast".to_owned(), date: "today".to_owned(), commit: "this".to_owned() };
+    assert!(write_back::put(&mut file, &machine, &analysis, &origin).expect("it has the keys"));
+    let text = file.text();
+    assert!(text.contains("# gap: fitted with its effects to slow, fast, today, by this"), "{text}");
+    let after = file.machine().expect("a sound machine").axes[AxisId::X].plant;
+    assert!((1e6 * after.mechanics.backlash_m - 2.0).abs() < 0.1, "{} m", after.mechanics.backlash_m);
+    assert!((after.mechanics.stiffness_n_per_m / (0.93 * 151e6) - 1.0).abs() < 0.01);
+    assert!(text.starts_with(&machine.text[..80]), "what stood there stays");
+}
+
+#[test]
+fn the_row_in_which_the_position_loop_acts_is_found() {
+    for name in ["paper", "reference"] {
+        let machine = config::load(name).expect("a machine");
+        let plant = machine.axes[AxisId::X].plant;
+        for phase in [0, 2] {
+            let run = circle(&machine, &plant, "fast", [20.0, 1.6], 2, phase);
+            let found = controller::matches(&machine, AxisId::X, &run)[0];
+            assert_eq!((found.gain_set, found.phase), (0, phase), "{name}");
+            // The noise alone is left.
+            assert!(found.left_share < 0.1, "{name}: {found:?}");
+        }
+    }
 }
 
 #[test]

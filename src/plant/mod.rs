@@ -30,10 +30,10 @@ use std::sync::Arc;
 
 use crate::base::time::Span;
 use crate::base::units::{Current, Force, Position, Velocity};
-use effects::Neighbour;
 use effects::acting::{Acting, Remembered};
 use effects::backlash::{Gap, Ladder};
 use effects::step::{Bare, Stepping};
+use effects::{Neighbour, Pace};
 use friction::Law;
 use maps::{Motion, StepMaps};
 
@@ -65,6 +65,8 @@ pub struct State {
 #[derive(Clone, Debug)]
 struct Part {
     whole: StepMaps,
+    /// For an axis whose forces ask for it.
+    half: Option<StepMaps>,
     fine: StepMaps,
     fine_steps: u32,
     /// Instead of the others, for an axis with play.
@@ -72,10 +74,12 @@ struct Part {
 }
 
 impl Part {
-    fn new(axis: &Parameters, gap: Gap, length_s: f64, fine_steps: u32) -> Self {
+    fn new(axis: &Parameters, gap: Gap, length_s: f64, fine_steps: u32, pace: Pace) -> Self {
         let fine_s = length_s / f64::from(fine_steps);
         Self {
             whole: StepMaps::new(axis, length_s),
+            half: (pace == Pace::Even && fine_steps > 1)
+                .then(|| StepMaps::new(axis, fine_s * f64::from(fine_steps / 2))),
             fine: StepMaps::new(axis, fine_s),
             fine_steps,
             with_gap: (!gap.is_none()).then(|| Ladder::new(axis, fine_s)),
@@ -202,6 +206,7 @@ impl Plant {
         assert!(dead_ticks < DEAD_TICKS_MAX, "dead time of more than {DEAD_TICKS_MAX} ticks");
         let late_by_s = (axis.actuator.dead_time - tick * dead_ticks as i64).as_s();
         let acting = Acting::new(axis);
+        let pace = acting.as_ref().map_or(Pace::Slow, Stepping::pace);
         let axis = &acting.as_ref().map_or(*axis, |acting| acting.prepared(axis));
         Self {
             tick,
@@ -210,8 +215,8 @@ impl Plant {
             peak_a: axis.actuator.peak_current.as_a(),
             pending_n: [0.0; DEAD_TICKS_MAX + 1],
             dead_ticks,
-            early: (late_by_s > 0.0).then(|| Part::new(axis, gap, late_by_s, fine_steps)),
-            late: Part::new(axis, gap, tick.as_s() - late_by_s, fine_steps),
+            early: (late_by_s > 0.0).then(|| Part::new(axis, gap, late_by_s, fine_steps, pace)),
+            late: Part::new(axis, gap, tick.as_s() - late_by_s, fine_steps, pace),
             body: Body {
                 law: Law::new(axis.friction),
                 stiffness_n_per_m: axis.mechanics.stiffness_n_per_m,
@@ -336,11 +341,19 @@ impl Body {
         if let Some(ladder) = &part.with_gap {
             return self.advance_with_gap(part, ladder, command_n, stepping);
         }
-        // Where it would reverse within the tick it is taken again in fine steps.
-        if stepping.may_span() && self.is_running() && stepping.span(self, &part.whole, command_n) {
-            return;
+        let mut done = 0;
+        if self.is_running() {
+            let (maps, length) = match (stepping.pace(), &part.half) {
+                (Pace::Slow, _) => (&part.whole, part.fine_steps),
+                (Pace::Even, Some(half)) => (half, part.fine_steps / 2),
+                (Pace::Even, None) | (Pace::Fast, _) => (&part.fine, 0),
+            };
+            // Where it would reverse within a step that is taken again in fine ones.
+            while length > 0 && done + length <= part.fine_steps && stepping.span(self, maps, command_n) {
+                done += length;
+            }
         }
-        for _ in 0..part.fine_steps {
+        for _ in done..part.fine_steps {
             if stepping.moved(self, &part.fine, command_n) {
                 stepping.break_away(self, &part.fine, self.motion[0], self.pull_n());
             }

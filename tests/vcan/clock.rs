@@ -22,7 +22,7 @@ use crate::slow::{self, CIRCLE};
 /// How far a figure may be from that of the run in memory, um.
 const OFF_UM_MAX: f64 = 0.3;
 /// Cycles in a thousand that may be skipped, or samples without fresh feedback, in a run that kept up.
-const MISSED_PER_THOUSAND: u64 = 5;
+const MISSED_PER_THOUSAND: u64 = 1;
 
 /// The simulated machine on the wall clock.
 fn live(interface: &Interface, machine: &Path) -> Machine {
@@ -40,7 +40,7 @@ fn figures(told: &Value) -> [f64; 2] {
     [&told["protrusion_um"]["motor"]["max"], &told["radius_decrease_um"]].map(|um| um.as_f64().unwrap())
 }
 
-/// Runs the circle with this period; its figures if it kept up, else why not.
+/// Runs the circle on a machine; its figures if it kept up, else why not.
 fn run_at(interface: &Interface, machine: &Path) -> Result<[f64; 2], String> {
     let folder = TempDir::new().unwrap();
     let simulated = live(interface, machine);
@@ -63,15 +63,14 @@ fn run_at(interface: &Interface, machine: &Path) -> Result<[f64; 2], String> {
 #[test]
 fn a_circle_on_the_clock_shows_what_it_shows_in_memory_at_the_fastest_rate_that_is_held() {
     let Some(interface) = Interface::new() else { return };
-    // The slower ones twice: somebody else's work may have come between.
-    for period in [2, 4, 4, 10, 10].map(Span::ms) {
-        let rate = 1.0 / period.as_s();
-        let folder = TempDir::new().unwrap();
-        let machine = slow::machine(folder.path(), period);
+    let folder = TempDir::new().unwrap();
+    let reference = (2_000, PathBuf::from("reference"));
+    let slower = [2, 4, 10].map(|ms| (1_000 / ms, slow::machine(folder.path(), Span::ms(ms))));
+    for (rate, machine) in std::iter::once(reference).chain(slower) {
         let [protrusion, decrease] = match run_at(&interface, &machine) {
             Ok(figures) => figures,
             Err(why) => {
-                say(&format!("did not keep up at {rate:.0} Hz: {why}"));
+                say(&format!("did not keep up at {rate} Hz: {why}"));
                 continue;
             }
         };
@@ -79,16 +78,16 @@ fn a_circle_on_the_clock_shows_what_it_shows_in_memory_at_the_fastest_rate_that_
         let in_memory = result(&circle(&words, &folder.path().join("memory")).output().unwrap());
         let [protrusion_in_memory, decrease_in_memory] = figures(&in_memory);
         say(&format!(
-            "kept up at {rate:.0} Hz: motor protrusion {protrusion:.2} um against {protrusion_in_memory:.2} in \
+            "kept up at {rate} Hz: motor protrusion {protrusion:.2} um against {protrusion_in_memory:.2} in \
              memory, circle smaller by {decrease:.2} um against {decrease_in_memory:.2}"
         ));
         for (measured, reference) in [(protrusion, protrusion_in_memory), (decrease, decrease_in_memory)] {
             let off_um = (measured - reference).abs();
-            assert!(off_um <= OFF_UM_MAX, "{off_um} um off at {rate:.0} Hz, bound {OFF_UM_MAX} um");
+            assert!(off_um <= OFF_UM_MAX, "{off_um} um off at {rate} Hz, bound {OFF_UM_MAX} um");
         }
         return;
     }
-    panic!("no rate was held");
+    panic!("no rate was held; tests/preempt-rt/on-clock has a computer that nobody else uses");
 }
 
 /// A slow machine that every computer should keep up with.
@@ -187,6 +186,8 @@ fn boards_whose_host_was_killed_let_go_and_the_next_host_starts_from_where_they_
     let left = records(&log_of(&cut).unwrap());
     let stood = left.last().unwrap().axes.map(|_, row| row.sample.velocity.abs().as_mm_per_s());
     assert!(stood.as_slice().iter().any(|mm_per_s| *mm_per_s > 1.0), "it was killed at rest: {stood:?} mm/s");
+    // One that coasts would be braked, and so move. Its friction needs a fifth of a second.
+    thread::sleep(Duration::from_secs(1));
 
     let next = folder.path().join("next");
     result(&on_the_clock(&interface, &machine, &next, &CIRCLE).output().unwrap());

@@ -39,7 +39,7 @@ pub(crate) fn machine(folder: &Path, period: Span) -> PathBuf {
         ],
     );
     let board = edited(BOARD, &[("value = 20_000 }", "value = 300_000 }".to_owned())]);
-    let path = folder.join("slow.toml");
+    let path = folder.join(format!("slow-{us}-us.toml"));
     fs::write(&path, text).unwrap();
     fs::write(folder.join("slow-board.toml"), board).unwrap();
     path

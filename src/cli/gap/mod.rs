@@ -10,14 +10,20 @@ use anyhow::{Context, bail};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 
+use super::live::stamp_now;
 use super::{Outcome, machine, print_json, print_text};
+use crate::config::edit::MachineFile;
 use crate::config::{self, Machine};
 use crate::log::Reader;
-use crate::offline::gap::analysis::{Request, analyse};
+use crate::log::header::rfc3339;
+use crate::offline::gap::analysis::{Analysis, Request, analyse};
 use crate::offline::gap::intake;
 use crate::offline::gap::runs::{Intake, Run};
+use crate::offline::gap::write_back::{self, Origin};
 use crate::offline::identify::foreign::Raw;
+use crate::offline::report;
 use crate::offline::trace::Trace;
+use crate::run::{VERSION, wall_now_ns};
 
 use printed::Printed;
 
@@ -40,6 +46,12 @@ pub(super) struct Arguments {
     /// Axes to look at, as `x,y` [default: all]
     #[arg(long, value_delimiter = ',', value_name = "AXES")]
     axes: Vec<String>,
+    /// Write what was named into this file: the machine file itself, whose old text is kept beside it, or a new one
+    #[arg(long, value_name = "FILE")]
+    write: Option<PathBuf>,
+    /// Write a page with the gap before and after, over the coordinates that it lives on, into this folder
+    #[arg(long, value_name = "FOLDER")]
+    report: Option<PathBuf>,
     /// Print one JSON object
     #[arg(long)]
     json: bool,
@@ -78,13 +90,58 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let analysis = analyse(&machine, &runs, &request, &|what| bar.set_message(what.to_owned()));
     bar.finish_and_clear();
     let analysis = analysis?;
-    let printed = Printed::new(&machine, &runs, &analysis, repaired);
+    let names: Vec<&str> = runs.iter().map(|run| run.name.as_str()).collect();
+    let origin = Origin { runs: names.join(", "), date: rfc3339(wall_now_ns()), commit: VERSION.to_owned() };
+    let mut after = MachineFile::create(Path::new("machine.toml"), &machine)?;
+    let is_changed = write_back::put(&mut after, &machine, &analysis, &origin)?;
+    if let Some(path) = &arguments.write {
+        write(path, is_changed, &machine, &analysis, &origin)?;
+    }
+    let after = is_changed.then(|| after.text());
+    let mut printed = Printed::new(&machine, &runs, &analysis, repaired, after);
+    if let Some(folder) = &arguments.report {
+        printed.report = Some(report::gap::write(folder, &machine, &analysis, &printed.rows())?);
+    }
     if arguments.json {
         print_json(&printed)?;
     } else {
         print_text(&printed.text())?;
     }
     Ok(Outcome::Done)
+}
+
+/// Puts what was named into a file.
+fn write(
+    path: &Path,
+    is_changed: bool,
+    machine: &Machine,
+    analysis: &Analysis<'_>,
+    origin: &Origin,
+) -> anyhow::Result<()> {
+    if !is_changed {
+        eprintln!("nothing was named; {} is not written", path.display());
+        return Ok(());
+    }
+    let mut file = if path.exists() {
+        let file = MachineFile::open(path)?;
+        // What was named holds beside what these runs were held against, and nothing else.
+        if file.text() != machine.text {
+            bail!(
+                "{} is not the machine file that the runs were held against; give that one with --machine, or a new file",
+                path.display()
+            );
+        }
+        file
+    } else {
+        MachineFile::create(path, machine)?
+    };
+    write_back::put(&mut file, machine, analysis, origin)?;
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    let beside = path.with_file_name(format!("{stem}.before-{}.toml", stamp_now()));
+    file.keep_old(&beside)?;
+    file.replace()?;
+    eprintln!("{} written", path.display());
+    Ok(())
 }
 
 /// The machine of the option; without it that of the first log, which carries its own.

@@ -2,13 +2,16 @@
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
+use std::path::PathBuf;
 
 use serde::Serialize;
 
 use crate::config::Machine;
 use crate::offline::gap::analysis::{Analysis, AxisGap, SignalGap, Verdict};
 use crate::offline::gap::fit::Fitted;
+use crate::offline::gap::locate::unit;
 use crate::offline::gap::name::Gate;
+use crate::offline::gap::problem::SIGNALS;
 use crate::offline::gap::runs::Run;
 
 /// The answer as one object.
@@ -18,6 +21,10 @@ pub(super) struct Printed {
     effects: Vec<Effect>,
     located: Vec<Located>,
     gap: Gap,
+    /// The machine file with the effects added; nothing where none was named.
+    machine_after: Option<String>,
+    /// The page, where one was asked for.
+    pub(super) report: Option<PathBuf>,
     axes: BTreeMap<String, Axis>,
     repaired: Vec<String>,
     seconds: f64,
@@ -31,12 +38,27 @@ struct Effect {
     interval: BTreeMap<&'static str, [f64; 2]>,
     confidence: f64,
     alternatives: Vec<&'static str>,
+    /// What would tell it from those of its class; nothing where nothing does, or none is needed.
+    told_apart_by: Option<String>,
 }
 
+/// A coordinate over which what the base leaves has a shape.
 #[derive(Debug, Serialize)]
 struct Located {
     axis: String,
-    controller_left_share: Option<f64>,
+    signal: &'static str,
+    coordinate: String,
+    unit: &'static str,
+    /// Of the variance of what is left.
+    share: f64,
+}
+
+#[derive(Debug, Serialize)]
+struct RunLeft {
+    run: String,
+    signal: &'static str,
+    before: f64,
+    after: f64,
 }
 
 #[derive(Debug, Serialize)]
@@ -53,7 +75,13 @@ struct Axis {
     base: BTreeMap<&'static str, f64>,
     gap: Vec<SignalGap>,
     left_per_row: [f64; 2],
+    /// Cost per row; noise is 1.
+    runs: Vec<RunLeft>,
     refused: Vec<Refused>,
+    /// What the loops alone do not explain of the current.
+    controller_left_share: Option<f64>,
+    /// Whether the noise of each signal is known from repeats; otherwise it is a lower bound.
+    is_floor_from_repeats: BTreeMap<&'static str, bool>,
 }
 
 #[derive(Debug, Serialize)]
@@ -66,9 +94,10 @@ struct Refused {
 impl Printed {
     pub(super) fn new(
         machine: &Machine,
-        _runs: &[Run],
+        runs: &[Run],
         analysis: &Analysis<'_>,
         repaired: Vec<String>,
+        machine_after: Option<String>,
     ) -> Self {
         let names = machine.axis_names();
         let name = |gap: &AxisGap<'_>| names[gap.id.index()].clone();
@@ -103,19 +132,21 @@ impl Printed {
             .iter()
             .flat_map(|axis| {
                 let axis_name = name(axis);
-                axis.named.effects.iter().flat_map(move |named| {
+                axis.named.effects.iter().enumerate().flat_map(move |(place, named)| {
                     let axis_name = axis_name.clone();
-                    named.class.iter().map(move |(candidate, weight)| {
+                    named.class.iter().enumerate().map(move |(rank, (candidate, weight))| {
                         let others = named.class.iter().map(|(other, _)| other.name());
-                        Effect::new(
-                            axis_name.clone(),
-                            &candidate.fitted,
-                            *weight,
-                            others
-                                .filter(|other| *other != candidate.name())
-                                .chain(named.runner_up.map(|(n, _)| n))
-                                .collect(),
-                        )
+                        let alternatives = others
+                            .filter(|other| *other != candidate.name())
+                            .chain(named.runner_up.map(|(name, _)| name))
+                            .collect();
+                        // The likeliest beside all that was named later.
+                        let (fitted, place) = match rank {
+                            0 => (&axis.named.model, place),
+                            _ => (&candidate.fitted, candidate.fitted.model.effects.len() - 1),
+                        };
+                        let effect = Effect::new(axis_name.clone(), fitted, place, *weight, alternatives);
+                        Effect { told_apart_by: named.told_apart_by().map(|by| by.to_string()), ..effect }
                     })
                 })
             })
@@ -142,7 +173,23 @@ impl Printed {
                     axis.named.model.cost / fit.max(1) as f64,
                     axis.named.held / held.max(1) as f64,
                 ],
+                runs: axis
+                    .runs_left
+                    .iter()
+                    .map(|left| RunLeft {
+                        run: runs[left.run].name.clone(),
+                        signal: SIGNALS[left.signal].0,
+                        before: left.per_row[0],
+                        after: left.per_row[1],
+                    })
+                    .collect(),
                 refused: refused.collect(),
+                controller_left_share: axis.controller.map(|found| found.left_share),
+                is_floor_from_repeats: SIGNALS
+                    .iter()
+                    .zip(&axis.problem.noises)
+                    .filter_map(|((signal, ..), noise)| Some((*signal, noise.as_ref()?.is_from_repeats)))
+                    .collect(),
             };
             (name(axis), printed)
         });
@@ -152,16 +199,37 @@ impl Printed {
             located: analysis
                 .axes
                 .iter()
-                .map(|axis| Located {
-                    axis: name(axis),
-                    controller_left_share: axis.controller.map(|found| found.left_share),
+                .flat_map(|axis| {
+                    axis.located.iter().map(|located| Located {
+                        axis: name(axis),
+                        signal: SIGNALS[located.signal].0,
+                        coordinate: located.coordinate.to_string(),
+                        unit: unit(located.coordinate),
+                        share: located.share,
+                    })
                 })
                 .collect(),
             gap,
+            machine_after,
+            report: None,
             axes: axes.collect(),
             repaired,
             seconds: analysis.seconds,
         }
+    }
+
+    /// What was named as cells of a table.
+    pub(super) fn rows(&self) -> Vec<[String; 4]> {
+        let of = |effect: &Effect| {
+            let values = effect.parameters.iter().map(|(key, value)| match effect.interval.get(key) {
+                Some([low, high]) => format!("{key} {value:.4} ({low:.4} to {high:.4})"),
+                None => format!("{key} {value:.4}"),
+            });
+            let values: Vec<String> = values.collect();
+            let confidence = format!("{:.2}", effect.confidence);
+            [effect.axis.clone(), effect.name.to_owned(), values.join(", "), confidence]
+        };
+        self.effects.iter().map(of).collect()
     }
 
     pub(super) fn text(&self) -> String {
@@ -207,21 +275,22 @@ impl Printed {
 }
 
 impl Effect {
-    fn new(axis: String, fitted: &Fitted, confidence: f64, alternatives: Vec<&'static str>) -> Self {
-        let mut effect = Self {
+    fn new(
+        axis: String,
+        fitted: &Fitted,
+        place: usize,
+        confidence: f64,
+        alternatives: Vec<&'static str>,
+    ) -> Self {
+        let values = fitted.effect(place);
+        Self {
             axis,
-            name: "",
-            parameters: BTreeMap::new(),
-            interval: BTreeMap::new(),
+            name: fitted.model.effects[place].entry.name,
+            parameters: values.iter().map(|(key, value, _)| (*key, *value)).collect(),
+            interval: values.into_iter().map(|(key, _, interval)| (key, interval)).collect(),
             confidence,
             alternatives,
-        };
-        let Some(tried) = fitted.model.effects.last() else { return effect };
-        effect.name = tried.entry.name;
-        for (key, value, interval) in fitted.last_effect() {
-            effect.parameters.insert(key, value);
-            effect.interval.insert(key, interval);
+            told_apart_by: None,
         }
-        effect
     }
 }

@@ -38,15 +38,15 @@ impl OnBus<'_> {
     pub(super) fn with_peer<T>(
         &self,
         pace: Pace,
-        work: impl FnOnce(Option<Truth>) -> anyhow::Result<T>,
+        work: impl FnOnce(Option<&mut Truth>) -> anyhow::Result<T>,
     ) -> anyhow::Result<T> {
         if self.is_attached {
             return work(None);
         }
-        let (peer, truth) = Peer::start(self.file, self.scenario, self.interface, pace)?;
-        match work(Some(truth)) {
+        let (peer, mut truth) = Peer::start(self.file, self.scenario, self.interface, pace)?;
+        match work(Some(&mut truth)) {
             Ok(done) => {
-                let said = peer.end()?;
+                let said = peer.end(truth)?;
                 // A simulator that was slow is not to be taken for a slow host.
                 said.lines()
                     .filter(|line| line.starts_with("hil-sim: "))
@@ -75,9 +75,9 @@ impl OnBus<'_> {
 }
 
 /// The truth of a machine in lock step, or none.
-struct Knowledge(Option<Truth>);
+struct Knowledge<'a>(Option<&'a mut Truth>);
 
-impl Truths<Lockstep<SocketCan>> for Knowledge {
+impl Truths<Lockstep<SocketCan>> for Knowledge<'_> {
     type Error = anyhow::Error;
 
     fn learn(

@@ -15,6 +15,7 @@ use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 
 use super::super::live::{PATIENCE, joined};
+use crate::base::time::Span;
 use crate::config::scenario::Scenario;
 use crate::log::Pace;
 use crate::sim::truth::Told;
@@ -64,7 +65,7 @@ impl Peer {
         let told = told.ok_or_else(|| anyhow!("it has no standard output"));
         let truth = told.and_then(|told| {
             Ok(Told::begin(
-                BufReader::with_capacity(PIPE_BYTES, Timely(told)),
+                BufReader::with_capacity(PIPE_BYTES, Timely::new(told)),
                 &scenario.machine.axis_names(),
             )?)
         });
@@ -74,11 +75,12 @@ impl Peer {
         }
     }
 
-    /// Ends it; what it said.
-    pub(super) fn end(mut self) -> anyhow::Result<String> {
+    /// Ends it; what it said. On the wall clock it may still tell of a SYNC that nobody judges any more.
+    pub(super) fn end(mut self, truth: Truth) -> anyhow::Result<String> {
         let pid = Pid::from_raw(i32::try_from(self.child.id()).context("the number of its process")?);
         // One that has ended already says why by its exit code.
         let _ended = kill(pid, Signal::SIGTERM);
+        truth.hear_out()?;
         let status = self.child.wait()?;
         let said = self.said.take().map(joined).unwrap_or_default();
         ensure!(status.success(), "hil-sim: {status}\n{}", said.trim_end());
@@ -118,16 +120,29 @@ const fn pace_name(pace: Pace) -> &'static str {
     }
 }
 
+/// A process is loaded and reads its scenario, on a computer that may be busy.
+const START_PATIENCE: Span = Span::ms(20_000);
+
 /// The machine's standard output, waited for no longer than the machine itself.
-pub(super) struct Timely(ChildStdout);
+pub(super) struct Timely {
+    out: ChildStdout,
+    patience: Span,
+}
+
+impl Timely {
+    const fn new(out: ChildStdout) -> Self {
+        Self { out, patience: START_PATIENCE }
+    }
+}
 
 impl Read for Timely {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        let mut pipes = [PollFd::new(self.0.as_fd(), PollFlags::POLLIN)];
-        let timeout = PollTimeout::try_from(PATIENCE.as_ns() / 1_000_000).unwrap_or(PollTimeout::NONE);
+        let mut pipes = [PollFd::new(self.out.as_fd(), PollFlags::POLLIN)];
+        let timeout = PollTimeout::try_from(self.patience.as_ns() / 1_000_000).unwrap_or(PollTimeout::NONE);
         if poll(&mut pipes, timeout)? == 0 {
             return Err(io::Error::new(io::ErrorKind::TimedOut, "hil-sim is silent"));
         }
-        self.0.read(buffer)
+        self.patience = PATIENCE;
+        self.out.read(buffer)
     }
 }

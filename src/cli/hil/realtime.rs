@@ -40,7 +40,7 @@ impl OnBus<'_> {
     fn watched(
         &self,
         prepared: Prepared<Course>,
-        mut truth: Option<Truth>,
+        mut truth: Option<&mut Truth>,
         log: &mut Log,
     ) -> anyhow::Result<hil::Outcome> {
         let machine = &self.scenario.machine;

@@ -18,6 +18,7 @@ pub mod map;
 pub mod overview;
 pub mod png;
 pub mod polar;
+pub mod residual;
 pub mod reversal;
 pub mod reversals;
 pub mod scale;

@@ -2,7 +2,7 @@
 //!
 //! Invariant: the same runs give the same verdict, to the bit.
 
-use std::collections::BTreeMap;
+use std::fmt;
 use std::time::Instant;
 
 use serde::Serialize;
@@ -10,11 +10,14 @@ use thiserror::Error;
 
 use super::controller::{self, Match};
 use super::fit::Fitted;
-use super::floor::{self, Noise, Repeat};
+use super::floor::{self, Noise};
 use super::forward::{Course, Signals};
+use super::held::{groups, held_groups};
+use super::locate::{self, Located, RunLeft};
 use super::model::{BASE, Model};
 use super::name::{self, Named};
 use super::problem::{AxisData, Part, Problem, SIGNALS};
+use super::repeats::{Repeat, repeats};
 use super::runs::Run;
 use crate::base::axis::AxisId;
 use crate::config::Machine;
@@ -26,8 +29,11 @@ const LEAST: [f64; SIGNALS.len()] = [2e-9, 2e-9, 2e-3];
 const HELD_SHARE: f64 = 0.3;
 /// Another gain set explains the current so much better: the wrong one was named.
 const OTHER_GAINS: f64 = 0.5;
-/// A gap that moves an axis or its current by less is none that anybody would look for: um, share of the current.
-pub const PRACTICAL: (f64, f64) = (0.1, 0.005);
+/// A gap that moves an axis by less is none that anybody would look for, um.
+pub const PRACTICAL_UM: f64 = 0.1;
+
+/// Most effects of a class that still says something.
+const CLASS_MAX: usize = 3;
 
 /// Why there is no analysis.
 #[derive(Clone, Debug, Error, PartialEq)]
@@ -85,6 +91,19 @@ pub enum Verdict {
     Named,
 }
 
+impl fmt::Display for Verdict {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        out.write_str(match self {
+            Self::NothingMissing => "nothing missing",
+            Self::ParameterOnly => "base parameters only",
+            Self::Insufficient => "runs that do not tell",
+            Self::Unknown => "something unknown is missing",
+            Self::Class => "one of several effects is missing",
+            Self::Named => "an effect is missing",
+        })
+    }
+}
+
 /// An axis with its answer.
 pub struct AxisGap<'m> {
     /// Which axis.
@@ -97,6 +116,10 @@ pub struct AxisGap<'m> {
     pub named: Named,
     /// In a word.
     pub verdict: Verdict,
+    /// Where it lives: over which coordinates what the base leaves has a shape.
+    pub located: Vec<Located>,
+    /// And in which runs.
+    pub runs_left: Vec<RunLeft>,
     /// The gap in rms, by signal: before, after, floor; on the rows that were not fitted.
     pub gap: Vec<SignalGap>,
 }
@@ -151,7 +174,7 @@ pub fn analyse<'m>(
         GapError::NoGains { name: request.gains.clone(), known: machine.gain_sets.join(", ") }
     })? as u8;
     progress("looking for repeats");
-    let repeats = floor::repeats(runs);
+    let repeats = repeats(runs);
     let ids: Vec<AxisId> = machine
         .axes
         .axes()
@@ -184,19 +207,27 @@ fn axis<'m>(
     let count_m = scale.motor_resolution().as_m() / 12_f64.sqrt();
     let table_m = scale.table_position(TravelCounts::counts(1)).as_m().abs() / 12_f64.sqrt();
     let least = [LEAST[0].hypot(count_m), LEAST[1].hypot(count_m).hypot(table_m), LEAST[2]];
-    let noises = std::array::from_fn(|signal| {
+    let noises: [Option<Noise>; SIGNALS.len()] = std::array::from_fn(|signal| {
         let (_, _, pick) = SIGNALS[signal];
         let has = measured.iter().flatten().any(|signals| !pick(signals).is_empty());
         if has { floor::noise(repeats, runs, &measured, pick, least[signal]) } else { None }
     });
-    let data = data(machine, runs, repeats, id, &measured, &phases);
+    let mut data = data(machine, runs, repeats, id, &measured, &phases);
+    for (signal, noise) in noises.iter().enumerate() {
+        let Some(noise) = noise else { continue };
+        let loudness = floor::loudness(repeats, runs, &measured, SIGNALS[signal].2, noise);
+        for data in &mut data {
+            data.loudness[signal].clone_from(&loudness[data.run]);
+        }
+    }
     let problem = Problem::new(machine, id, gain_set, data, noises);
     let start = Model::new(machine.axes[id].plant);
-    let peaks = |model: &Model, key: &str| super::spectrum::peaks(&problem, model, key);
-    let named = name::name(&problem, &start, &peaks, &say);
+    let named = name::name(&problem, &start, &say);
     let gap = gaps(&problem, &start, &named);
     let verdict = verdict(&named, &gap);
-    Ok(AxisGap { id, problem, controller, named, verdict, gap })
+    let located = locate::located(&problem, &named.base.model, &named.model.model);
+    let runs_left = locate::runs_left(&problem, &named.base.model, &named.model.model);
+    Ok(AxisGap { id, problem, controller, named, verdict, located, runs_left, gap })
 }
 
 /// How well the loops explain the current, and in which row of each run the position loop acts first.
@@ -243,7 +274,6 @@ fn data(
     measured: &[Option<Signals>],
     phases: &[usize],
 ) -> Vec<AxisData> {
-    const ORDER: usize = 12;
     let groups = groups(runs, repeats);
     let held_groups = held_groups(runs, &groups);
     let origin_s = runs.iter().map(|run| run.start_s).fold(f64::INFINITY, f64::min);
@@ -254,7 +284,7 @@ fn data(
         else {
             continue;
         };
-        let counts = Problem::counting(run, ORDER);
+        let counts = Problem::counting(run, floor::ORDER);
         let rows = run.len();
         let is_held = |row: usize| match &held_groups {
             Some(held) => held.contains(&groups[index]),
@@ -263,66 +293,17 @@ fn data(
         let held: Vec<bool> =
             counts.iter().enumerate().map(|(row, counts)| *counts && is_held(row)).collect();
         let fit = counts.iter().zip(&held).map(|(counts, held)| *counts && !held).collect();
-        all.push(AxisData { run: index, course, measured: measured.clone(), fit, held });
+        let loudness = Default::default();
+        all.push(AxisData { run: index, course, measured: measured.clone(), loudness, fit, held });
     }
     all
-}
-
-/// Which runs have the same command: a number for each run.
-fn groups(runs: &[Run], repeats: &[Repeat]) -> Vec<usize> {
-    let mut groups: Vec<usize> = (0..runs.len()).collect();
-    for repeat in repeats {
-        let [first, second] = repeat.runs.map(|run| groups[run]);
-        for group in &mut groups {
-            if *group == second {
-                *group = first;
-            }
-        }
-    }
-    groups
-}
-
-/// Runs that judge: those that are called so, or of three circles and more one whose feed lies between the others'.
-fn held_groups(runs: &[Run], groups: &[usize]) -> Option<Vec<usize>> {
-    let is_called = |run: &Run| ["held", "holdout"].iter().any(|word| run.name.to_lowercase().contains(word));
-    let called: Vec<usize> =
-        runs.iter().zip(groups).filter(|(run, _)| is_called(run)).map(|(_, group)| *group).collect();
-    if !called.is_empty() && called.len() < runs.len() {
-        return Some(called);
-    }
-    let feed = |run: &Run| -> f64 {
-        let steps = run.axes.values().map(|axis| {
-            axis.setpoint_m.windows(2).map(|pair| (pair[1] - pair[0]).abs()).fold(0.0, f64::max)
-                / run.period_s
-        });
-        steps.fold(0.0, f64::max)
-    };
-    let is_circle = |run: &Run| {
-        let moving = run
-            .axes
-            .values()
-            .filter(|axis| axis.setpoint_m.iter().any(|at| (at - axis.setpoint_m[0]).abs() > 1e-4));
-        moving.count() >= 2
-    };
-    let mut circles: BTreeMap<usize, f64> = BTreeMap::new();
-    for (run, group) in runs.iter().zip(groups) {
-        if is_circle(run) {
-            circles.entry(*group).or_insert_with(|| feed(run));
-        }
-    }
-    if circles.len() < 3 {
-        return None;
-    }
-    let mut by_feed: Vec<(usize, f64)> = circles.into_iter().collect();
-    by_feed.sort_by(|a, b| a.1.total_cmp(&b.1));
-    Some(vec![by_feed[by_feed.len() / 2].0])
 }
 
 /// Rms of what models leave of the rows that were not fitted.
 fn gaps(problem: &Problem<'_>, file: &Model, named: &Named) -> Vec<SignalGap> {
     let rms = |model: &Model| -> [f64; SIGNALS.len()] {
         let (mut sums, mut counts) = ([0.0; SIGNALS.len()], [0usize; SIGNALS.len()]);
-        for place in (0..problem.data.len()).filter(|place| problem.data[*place].has(Part::Held)) {
+        for place in problem.places(Part::Held) {
             let simulated = problem.simulated(place, model);
             for (signal, (_, _, pick)) in SIGNALS.iter().enumerate() {
                 let left = problem.left(place, &simulated, *pick, Part::Held);
@@ -359,12 +340,16 @@ fn verdict(named: &Named, gap: &[SignalGap]) -> Verdict {
         gap.iter().any(|signal| {
             let rest = excess(of(signal), signal.floor);
             if signal.unit == "um" {
-                rest > PRACTICAL.0.max(0.5 * signal.floor)
+                rest > PRACTICAL_UM.max(0.5 * signal.floor)
             } else {
                 rest > 0.5 * signal.floor.max(0.02)
             }
         })
     };
+    // So many that no name says anything.
+    if named.effects.iter().any(|effect| effect.class.len() > CLASS_MAX) {
+        return Verdict::Insufficient;
+    }
     if !named.effects.is_empty() {
         return if named.effects.iter().any(|effect| effect.class.len() > 1) {
             Verdict::Class

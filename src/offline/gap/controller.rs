@@ -3,6 +3,8 @@
 //!
 //! Invariant: a difference here is no matter of friction or mechanics.
 
+use std::collections::VecDeque;
+
 use super::forward::SETTLE_S;
 use super::runs::{AxisRun, Run};
 use crate::base::axis::AxisId;
@@ -11,9 +13,11 @@ use crate::base::setpoint::Setpoint;
 use crate::base::units::{Current, Position};
 use crate::config::Machine;
 use crate::rt::control::{AxisLoop, Settings};
+use crate::rt::drive::sheet::CommandApplies;
 use crate::rt::drive::velocity::VelocityEstimator;
 
-/// What the loops ask for along measured positions, behind the lag of the current loop, A.
+/// What the loops ask for along measured positions, behind the way of a command to the drive and the lag of the current
+/// loop, A.
 pub fn replayed(machine: &Machine, id: AxisId, gain_set: u8, run: &AxisRun, phase: usize) -> Vec<f64> {
     let axis = &machine.axes[id];
     let every = machine.cycle.position_every as usize;
@@ -23,6 +27,10 @@ pub fn replayed(machine: &Machine, id: AxisId, gain_set: u8, run: &AxisRun, phas
     let mut loops = AxisLoop::new(&settings);
     let mut estimator = VelocityEstimator::new(axis.velocity_estimate, tick);
     let keep = (-tick.as_s() / axis.plant.actuator.lag_s()).exp();
+    let applies = usize::from(axis.sheet.command_applies == CommandApplies::OnNextSync);
+    let late = applies + (axis.plant.actuator.dead_time / tick) as usize;
+    // The newest last.
+    let mut on_their_way_a = VecDeque::from(vec![run.current_a[0]; late]);
     let mut behind_a = run.current_a[0];
     let rows = run.setpoint_m.len();
     (0..rows)
@@ -49,7 +57,9 @@ pub fn replayed(machine: &Machine, id: AxisId, gain_set: u8, run: &AxisRun, phas
             if row >= 3 {
                 let answer = loops.step(&setpoint, &sample, row % every == phase);
                 loops.pass(1);
-                behind_a = keep * behind_a + (1.0 - keep) * answer.current.as_a();
+                on_their_way_a.push_back(answer.current.as_a());
+                let acting_a = on_their_way_a.pop_front().unwrap_or_default();
+                behind_a = keep * behind_a + (1.0 - keep) * acting_a;
             }
             shown_a
         })

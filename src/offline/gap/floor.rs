@@ -6,179 +6,22 @@
 //!
 //! A lap need not be a whole number of rows: between rows the measured columns are taken as straight, and what that
 //! smooths of the noise is put back. Differences of laps lose what drifts slowly with them, so that a slow drift is
-//! no noise. Without any repeat the floor is the noise of single rows, from their second differences: a lower bound
+//! no noise. Noise is not everywhere the same: an axis at speed shows the jitter of its latch, one that sticks follows
+//! what shakes it. So each row also has a [`Loudness`]: what passes differ by about it, against the quiet rows. Without
+//! any repeat the floor is the noise of single rows, from their second differences: a lower bound
 //! that knows nothing of slow noise, and is called so.
 //! Units: those of the signal. Invariant: no model takes part.
 
 use super::forward::Signals;
+use super::repeats::{Repeat, at};
 use super::runs::Run;
 
-/// Shortest lap, s.
-const LAP_MIN_S: f64 = 0.5;
-/// Two passes of a command are the same within this share of its span.
-const SAME_SHARE: f64 = 2e-4;
-/// What was different before a repeat fades for so long, s, and it must then go on for so long to tell the noise.
-const FADE_S: f64 = 1.0;
-const REPEAT_MIN_S: f64 = 0.5;
 /// Stick and slip come at other moments in each pass. Blocks of this length whose power is so many times the usual
 /// hold such an event and are no noise. s.
 const BLOCK_S: f64 = 0.2;
 const EVENT: f64 = 4.0;
-/// Order of the whitening filter.
-const ORDER: usize = 12;
-
-/// Rows of a run that were commanded like rows of it, or of another run, before: `later = earlier + shift`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Repeat {
-    /// Index of the run of the earlier pass, and of the later.
-    pub runs: [usize; 2],
-    /// Distance in rows; not whole for most laps.
-    pub shift: f64,
-    /// First and last row of the earlier pass that has a later one.
-    pub rows: [usize; 2],
-}
-
-/// The repeats in and between runs.
-pub fn repeats(runs: &[Run]) -> Vec<Repeat> {
-    let mut found = Vec::new();
-    for (index, run) in runs.iter().enumerate() {
-        found.extend(laps(index, run));
-        for (other, twin) in runs.iter().enumerate().skip(index + 1) {
-            if is_same_command(run, twin) {
-                let rows = [(FADE_S / run.period_s) as usize, run.len().min(twin.len()) - 1];
-                if rows[1] <= rows[0] {
-                    continue;
-                }
-                found.push(Repeat { runs: [index, other], shift: 0.0, rows });
-            }
-        }
-    }
-    found
-}
-
-fn is_same_command(run: &Run, twin: &Run) -> bool {
-    let rows = run.len().min(twin.len());
-    let is_long = run.len().abs_diff(twin.len()) * 50 < rows;
-    let span_m = span_m(run);
-    is_long
-        && run.axes.iter().all(|(id, axis)| {
-            twin.axes.get(id).is_some_and(|other| {
-                (0..rows)
-                    .all(|row| (axis.setpoint_m[row] - other.setpoint_m[row]).abs() <= SAME_SHARE * span_m)
-            })
-        })
-}
-
-fn span_m(run: &Run) -> f64 {
-    let of = |column: &[f64]| {
-        let [low, high] = column
-            .iter()
-            .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| [low.min(*v), high.max(*v)]);
-        high - low
-    };
-    run.axes.values().map(|axis| of(&axis.setpoint_m)).fold(0.0, f64::max)
-}
-
-/// The first lag at which all setpoints of a run come again, with the longest stretch of rows for which they do.
-fn laps(index: usize, run: &Run) -> Option<Repeat> {
-    let rows = run.len();
-    let least = (LAP_MIN_S / run.period_s) as usize;
-    let fade = (FADE_S / run.period_s) as usize;
-    let repeat_min = fade + (REPEAT_MIN_S / run.period_s) as usize;
-    let span_m = span_m(run);
-    if rows <= least + repeat_min || span_m == 0.0 {
-        return None;
-    }
-    // Where the setpoint of the middle comes again, coarsely; then how well, and for how long.
-    let columns: Vec<&[f64]> = run.axes.values().map(|axis| axis.setpoint_m.as_slice()).collect();
-    let off = |row: usize, shift: f64| {
-        columns.iter().map(|column| (at(column, row as f64 + shift) - column[row]).abs()).fold(0.0, f64::max)
-    };
-    let probes = |lag: usize| -> f64 {
-        let last = rows - lag;
-        let count = 24.min(last);
-        let from = |probe: usize| (probe * last) / count;
-        let mut offs: Vec<f64> = (0..count).map(|probe| off(from(probe), lag as f64)).collect();
-        offs.sort_by(f64::total_cmp);
-        // Most of the probes: run-in and run-out do not repeat.
-        offs[(count * 6) / 10]
-    };
-    let step = 4;
-    let lags: Vec<(usize, f64)> =
-        (least..rows - repeat_min).step_by(step).map(|lag| (lag, probes(lag))).collect();
-    let is_low = |place: usize| {
-        let here = lags[place].1;
-        here < 0.01 * span_m
-            && (place == 0 || lags[place - 1].1 >= here)
-            && (place + 1 == lags.len() || lags[place + 1].1 >= here)
-    };
-    for place in (0..lags.len()).filter(|place| is_low(*place)) {
-        let shift = refined(lags[place].0 as f64, step as f64, |shift| {
-            let last = (rows as f64 - shift) as usize;
-            let mut offs: Vec<f64> =
-                (0..last).step_by((last / 200).max(1)).map(|row| off(row, shift)).collect();
-            offs.sort_by(f64::total_cmp);
-            offs[(offs.len() * 6) / 10]
-        });
-        let Some(stretch) =
-            longest(rows - shift.ceil() as usize, |row| off(row, shift) <= SAME_SHARE * span_m)
-        else {
-            continue;
-        };
-        if stretch[1] - stretch[0] >= repeat_min {
-            let moves = columns.iter().any(|column| {
-                let part = &column[stretch[0]..stretch[1]];
-                part.iter().any(|value| (value - part[0]).abs() > 0.01 * span_m)
-            });
-            if moves {
-                return Some(Repeat { runs: [index, index], shift, rows: [stretch[0] + fade, stretch[1]] });
-            }
-        }
-    }
-    None
-}
-
-/// The lag near `from` at which `off` is least, by golden section.
-fn refined(from: f64, reach: f64, off: impl Fn(f64) -> f64) -> f64 {
-    let (mut low, mut high) = (from - reach, from + reach);
-    let ratio = 0.618_033_988_749_894_9;
-    while high - low > 1e-4 {
-        let (a, b) = (high - ratio * (high - low), low + ratio * (high - low));
-        if off(a) < off(b) { high = b } else { low = a }
-    }
-    let lag = 0.5 * (low + high);
-    // A lap of whole rows is one of whole rows.
-    if (lag - lag.round()).abs() < 2e-3 && off(lag.round()) <= off(lag) * 1.01 { lag.round() } else { lag }
-}
-
-fn longest(rows: usize, is_same: impl Fn(usize) -> bool) -> Option<[usize; 2]> {
-    let (mut best, mut from): (Option<[usize; 2]>, Option<usize>) = (None, None);
-    for row in 0..=rows {
-        let same = row < rows && is_same(row);
-        match (same, from) {
-            (true, None) => from = Some(row),
-            (false, Some(begin)) => {
-                if best.is_none_or(|[low, high]| row - begin > high - low) {
-                    best = Some([begin, row]);
-                }
-                from = None;
-            }
-            (true, Some(_)) | (false, None) => {}
-        }
-    }
-    best
-}
-
-/// A column between its rows.
-fn at(column: &[f64], row: f64) -> f64 {
-    let low = row.floor() as usize;
-    let share = row - low as f64;
-    match (column.get(low), column.get(low + 1)) {
-        (Some(a), Some(b)) => a + share * (b - a),
-        (Some(a), None) => *a,
-        (None, _) => f64::NAN,
-    }
-}
+/// Order of the whitening filter: rows after one that does not count do so no more until it is forgotten.
+pub(super) const ORDER: usize = 12;
 
 /// Noise of one signal.
 #[derive(Clone, Debug, PartialEq)]
@@ -248,7 +91,52 @@ pub fn noise(
     let least2 = least * least;
     let lags: Vec<f64> = std::iter::once(lags[0] + least2).chain(lags[1..].iter().copied()).collect();
     let (memory, left2) = levinson(&lags);
-    Some(Noise { rms: lags[0].sqrt(), is_from_repeats, memory, left: left2.sqrt() })
+    let mut noise = Noise { rms: lags[0].sqrt(), is_from_repeats, memory, left: left2.sqrt() };
+    if is_from_repeats {
+        noise.left = noise.left.min(noise.quiet(&blocks)).max(least);
+    }
+    Some(noise)
+}
+
+/// How many times louder than the quiet rows each row of a run is; at least 1.
+pub type Loudness = Vec<f64>;
+
+/// Loudness of each run, from its passes; where there is none, that in the middle of the run's.
+pub fn loudness(
+    repeats: &[Repeat],
+    runs: &[Run],
+    measured: &[Option<Signals>],
+    pick: Pick,
+    noise: &Noise,
+) -> Vec<Loudness> {
+    let mut squares: Vec<Vec<[f64; 2]>> = runs.iter().map(|run| vec![[0.0; 2]; run.len()]).collect();
+    for repeat in repeats {
+        let [Some(earlier), Some(later)] = repeat.runs.map(|run| measured[run].as_ref().map(pick)) else {
+            continue;
+        };
+        if earlier.is_empty() || later.is_empty() {
+            continue;
+        }
+        let white = noise.whitened(&differences(repeat, runs, earlier, later));
+        let length = ((BLOCK_S / runs[repeat.runs[0]].period_s) as usize).max(1);
+        for (number, block) in white.chunks(length).enumerate() {
+            let power = block.iter().map(|value| value * value).sum::<f64>() / block.len() as f64;
+            let from = repeat.rows[0] + number * length;
+            for (run, shift) in repeat.runs.into_iter().zip([0, repeat.shift.round() as usize]) {
+                for sum in squares[run].iter_mut().skip(from + shift).take(length) {
+                    *sum = [sum[0] + power, sum[1] + 1.0];
+                }
+            }
+        }
+    }
+    let of = |run: Vec<[f64; 2]>| {
+        let mut known: Vec<f64> = run.iter().filter(|sum| sum[1] > 0.0).map(|sum| sum[0] / sum[1]).collect();
+        known.sort_by(f64::total_cmp);
+        let middle = known.get(known.len() / 2).copied().unwrap_or(1.0);
+        let loud = |[sum, count]: [f64; 2]| if count > 0.0 { sum / count } else { middle };
+        run.into_iter().map(|sum| loud(sum).max(1.0).sqrt()).collect()
+    };
+    squares.into_iter().map(of).collect()
 }
 
 /// What two passes differ by, as the noise of one: mean and slope over the stretch are drift.
@@ -305,6 +193,18 @@ fn levinson(lags: &[f64]) -> (Vec<f64>, f64) {
 }
 
 impl Noise {
+    /// What the filter leaves of most rows of blocks: single jumps of stick and slip are none of them.
+    fn quiet(&self, blocks: &[Vec<f64>]) -> f64 {
+        let rows = blocks.iter().flat_map(|block| self.whitened(block).split_off(ORDER.min(block.len())));
+        let mut squares: Vec<f64> = rows.map(|value| value * value).collect();
+        if squares.is_empty() {
+            return self.left;
+        }
+        let middle = squares.len() / 2;
+        // The median of a squared normal is 0.455.
+        self.left * (*squares.select_nth_unstable_by(middle, f64::total_cmp).1 / 0.455).sqrt()
+    }
+
     /// The signal as independent values of variance 1, where it is noise.
     pub fn whitened(&self, signal: &[f64]) -> Vec<f64> {
         (0..signal.len())
@@ -330,6 +230,7 @@ mod tests {
     use rand_distr::{Distribution, StandardNormal};
     use rand_pcg::Pcg64Mcg;
 
+    use super::super::repeats::repeats;
     use super::super::runs::AxisRun;
     use super::*;
     use crate::base::axis::AxisId;
@@ -409,6 +310,28 @@ mod tests {
         };
         assert!((product(0) - 1.0).abs() < 0.35, "variance {}", product(0));
         assert!((product(1) / product(0)).abs() < 0.25, "neighbours {}", product(1) / product(0));
+    }
+
+    #[test]
+    fn rows_about_which_passes_differ_more_are_louder() {
+        let mut run = circle(0.01, 0.0);
+        let mut random = Pcg64Mcg::seed_from_u64(12);
+        let axis = run.axes.get_mut(&AxisId::X).expect("it has one");
+        // In a fifth of each lap there is ten times the noise.
+        let is_loud = |row: usize| (0.5..0.7).contains(&((row as f64 / 2_100.4) % 1.0));
+        for row in (0..axis.current_a.len()).filter(|row| is_loud(*row)) {
+            let drawn: f64 = StandardNormal.sample(&mut random);
+            axis.current_a[row] += 0.1 * drawn;
+        }
+        let runs = std::slice::from_ref(&run);
+        let measured = vec![Some(Signals::measured(&run.axes[&AxisId::X]))];
+        let pick: Pick = |signals| &signals.current_a;
+        let repeats = repeats(runs);
+        let noise = noise(&repeats, runs, &measured, pick, 0.0).expect("noise");
+        assert!((noise.left / 0.01 - 1.0).abs() < 0.35, "the quiet rows have 0.01 A, found {}", noise.left);
+        let loud = &loudness(&repeats, runs, &measured, pick, &noise)[0];
+        let [far, near] = [2_100 + 1_260, 2_100 + 400].map(|row| loud[row]);
+        assert!((6.0..14.0).contains(&far) && near < 1.5, "{far} where it is ten times as loud, {near} else");
     }
 
     #[test]

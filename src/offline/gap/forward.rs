@@ -98,6 +98,11 @@ impl Course {
         Some(Self { setpoints: setpoints.collect(), start, phase, has_table: axis.table_m.is_some(), next })
     }
 
+    /// When it begins, on the clock of the session.
+    pub const fn begins(&self) -> Span {
+        self.start.time
+    }
+
     /// Where the axis should be, m, row by row.
     pub fn setpoints_m(&self) -> impl Iterator<Item = f64> {
         self.setpoints.iter().map(|setpoint| setpoint.position.as_m())

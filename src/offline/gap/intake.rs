@@ -12,7 +12,7 @@
 use std::collections::BTreeMap;
 
 use super::grid::{Grid, REPAIRED_SHARE_MAX};
-use super::runs::{AxisRun, Intake, Run, RunError};
+use super::runs::{AxisRun, Intake, Run, RunError, span};
 use crate::base::axis::AxisId;
 use crate::config::Machine;
 use crate::offline::identify::foreign::{Effort, ForeignAxis, Raw};
@@ -226,13 +226,6 @@ fn checked(
         }
     }
     Ok(Intake { runs, repaired })
-}
-
-fn span(column: &[f64]) -> f64 {
-    let [low, high] = column
-        .iter()
-        .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| [low.min(*value), high.max(*value)]);
-    high - low
 }
 
 /// Slope of a column over the setpoint by least squares.

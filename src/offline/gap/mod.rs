@@ -7,9 +7,11 @@
 //!            residuals   coordinate  fits     file    command, before and after
 //! ```
 //!
-//! [`intake`] looks at data before they are believed as [`runs`]; [`floor`] finds the noise in repeats; [`forward`] runs the
+//! [`intake`] looks at data before they are believed as [`runs`]; [`floor`] finds the noise in [`repeats`]; [`forward`] runs the
 //! machine file from the command alone and [`controller`] its loops alone; [`fit`] fits a [`model`] in closed loop to
-//! a [`problem`]; [`shortlist`] and [`mod@name`] find the effects.
+//! a [`problem`], by its derivatives ([`linear`]); [`locate`] tells where the gap lives; [`shortlist`] and
+//! [`mod@name`] find the effects.
+//! [`write_back`] adds them to the machine file.
 //! Invariant: what is named was better on rows that no model had seen, and what cannot be told apart is named together.
 
 pub mod analysis;
@@ -18,10 +20,15 @@ pub mod fit;
 pub mod floor;
 pub mod forward;
 mod grid;
+mod held;
 pub mod intake;
+pub mod linear;
+pub mod locate;
 pub mod model;
 pub mod name;
 pub mod problem;
+pub mod repeats;
 pub mod runs;
 pub mod shortlist;
 pub mod spectrum;
+pub mod write_back;

@@ -3,12 +3,22 @@
 //!
 //! A base parameter is fitted as the logarithm of its ratio to what the machine file says, in steps of its prior; an
 //! effect's value in steps of its own. So every coordinate is 0 where nothing is known, and 1 is as far as a
-//! machine usually is from its file.
+//! machine usually is from its file. What a current sensor shows too much is fitted beside them, so that it is
+//! taken for no effect.
 //! Invariant: coordinates make a plant that `config` would accept.
 
 use crate::base::units::{Force, Velocity};
 use crate::plant::Parameters;
-use crate::plant::effects::{Effects, Entry, VALUES_MAX, Values};
+use crate::plant::effects::{Entry, Parameter, VALUES_MAX, Values};
+
+/// What a simulation is run with.
+#[derive(Clone, Copy, Debug)]
+pub struct Twin {
+    /// The plant.
+    pub plant: Parameters,
+    /// Current that is shown per current that flows.
+    pub current_gain: f64,
+}
 
 /// A parameter of the base model.
 #[derive(Clone, Copy, Debug)]
@@ -19,78 +29,102 @@ pub struct Base {
     pub unit: &'static str,
     /// Standard deviation of the logarithm of how far machine files are off.
     pub prior: f64,
-    get: fn(&Parameters) -> f64,
-    set: fn(&mut Parameters, f64),
+    get: fn(&Twin) -> f64,
+    set: fn(&mut Twin, f64),
 }
 
 /// The base parameters, in the order of the coordinates.
-pub const BASE: [Base; 8] = [
+pub const BASE: [Base; 11] = [
     Base {
         name: "mass",
         unit: "kg",
         prior: 0.25,
-        get: |axis| axis.mechanics.mass_kg,
-        set: |axis, value| axis.mechanics.mass_kg = value,
+        get: |twin| twin.plant.mechanics.mass_kg,
+        set: |twin, value| twin.plant.mechanics.mass_kg = value,
     },
     Base {
         name: "motor_inertia",
         unit: "kg m2",
         prior: 0.25,
-        get: |axis| axis.mechanics.inertia_kg_m2,
-        set: |axis, value| axis.mechanics.inertia_kg_m2 = value,
+        get: |twin| twin.plant.mechanics.inertia_kg_m2,
+        set: |twin, value| twin.plant.mechanics.inertia_kg_m2 = value,
     },
     Base {
         name: "stiffness",
         unit: "N/m",
         prior: 0.25,
-        get: |axis| axis.mechanics.stiffness_n_per_m,
-        set: |axis, value| axis.mechanics.stiffness_n_per_m = value,
+        get: |twin| twin.plant.mechanics.stiffness_n_per_m,
+        set: |twin, value| twin.plant.mechanics.stiffness_n_per_m = value,
     },
     Base {
         name: "damping",
         unit: "N s/m",
         prior: 0.5,
-        get: |axis| axis.mechanics.damping_n_s_per_m,
-        set: |axis, value| axis.mechanics.damping_n_s_per_m = value,
+        get: |twin| twin.plant.mechanics.damping_n_s_per_m,
+        set: |twin, value| twin.plant.mechanics.damping_n_s_per_m = value,
     },
     Base {
         name: "sliding",
         unit: "N",
         prior: 0.25,
-        get: |axis| axis.friction.sliding.as_n(),
-        set: |axis, value| {
-            let excess = axis.friction.breakaway / axis.friction.sliding;
-            axis.friction.sliding = Force::n(value);
-            axis.friction.breakaway = Force::n(value * excess);
+        get: |twin| twin.plant.friction.sliding.as_n(),
+        set: |twin, value| {
+            let excess = twin.plant.friction.breakaway / twin.plant.friction.sliding;
+            twin.plant.friction.sliding = Force::n(value);
+            twin.plant.friction.breakaway = Force::n(value * excess);
         },
     },
     Base {
         name: "breakaway_excess",
         unit: "N",
         prior: 0.5,
-        get: |axis| (axis.friction.breakaway - axis.friction.sliding).as_n(),
-        set: |axis, value| axis.friction.breakaway = Force::n(axis.friction.sliding.as_n() + value),
+        get: |twin| (twin.plant.friction.breakaway - twin.plant.friction.sliding).as_n(),
+        set: |twin, value| {
+            twin.plant.friction.breakaway = Force::n(twin.plant.friction.sliding.as_n() + value)
+        },
     },
     Base {
         name: "fall_end",
         unit: "mm/s",
         prior: 0.5,
-        get: |axis| axis.friction.fall_end.as_mm_per_s(),
-        set: |axis, value| {
-            let share = axis.friction.fall_start.as_mm_per_s() / axis.friction.fall_end.as_mm_per_s();
-            axis.friction.fall_end = Velocity::mm_per_s(value);
-            axis.friction.fall_start = Velocity::mm_per_s(value * share);
+        get: |twin| twin.plant.friction.fall_end.as_mm_per_s(),
+        set: |twin, value| {
+            let share =
+                twin.plant.friction.fall_start.as_mm_per_s() / twin.plant.friction.fall_end.as_mm_per_s();
+            twin.plant.friction.fall_end = Velocity::mm_per_s(value);
+            twin.plant.friction.fall_start = Velocity::mm_per_s(value * share);
         },
     },
     Base {
         name: "fall_start",
         unit: "mm/s",
         prior: 0.5,
-        get: |axis| axis.friction.fall_start.as_mm_per_s(),
-        set: |axis, value| {
-            axis.friction.fall_start =
-                Velocity::mm_per_s(value.min(0.95 * axis.friction.fall_end.as_mm_per_s()));
+        get: |twin| twin.plant.friction.fall_start.as_mm_per_s(),
+        set: |twin, value| {
+            twin.plant.friction.fall_start =
+                Velocity::mm_per_s(value.min(0.95 * twin.plant.friction.fall_end.as_mm_per_s()));
         },
+    },
+    Base {
+        name: "viscous",
+        unit: "N s/m",
+        prior: 0.25,
+        get: |twin| twin.plant.friction.viscous_n_s_per_m,
+        set: |twin, value| twin.plant.friction.viscous_n_s_per_m = value,
+    },
+    Base {
+        name: "current_loop",
+        unit: "Hz",
+        prior: 0.2,
+        get: |twin| twin.plant.actuator.current_loop_hz,
+        set: |twin, value| twin.plant.actuator.current_loop_hz = value,
+    },
+    Base {
+        name: "current_gain",
+        unit: "",
+        prior: 0.1,
+        get: |twin| twin.current_gain,
+        set: |twin, value| twin.current_gain = value,
     },
 ];
 
@@ -136,25 +170,25 @@ impl Model {
         model
     }
 
-    /// The plant.
-    pub fn plant(&self) -> Parameters {
-        let mut plant = self.nominal;
+    /// What it is simulated with.
+    pub fn twin(&self) -> Twin {
+        let mut twin = Twin { plant: self.nominal, current_gain: 1.0 };
         for (base, coordinate) in BASE.iter().zip(&self.base) {
             if *coordinate != 0.0 {
-                let value = (base.get)(&plant);
-                (base.set)(&mut plant, value * (coordinate * base.prior).exp());
+                let value = (base.get)(&twin);
+                (base.set)(&mut twin, value * (coordinate * base.prior).exp());
             }
         }
         for tried in &self.effects {
-            plant = plant.with_effect(tried.entry, tried.values);
+            twin.plant = twin.plant.with_effect(tried.entry, tried.values);
         }
-        plant
+        twin
     }
 
     /// The base parameters as they came out.
     pub fn base_values(&self) -> Vec<(&'static Base, f64)> {
-        let plant = self.plant();
-        BASE.iter().map(|base| (base, (base.get)(&plant))).collect()
+        let twin = self.twin();
+        BASE.iter().map(|base| (base, (base.get)(&twin))).collect()
     }
 
     /// How many coordinates are fitted.
@@ -162,11 +196,22 @@ impl Model {
         BASE.len() + self.effects.iter().map(|tried| tried.entry.parameters.len()).sum::<usize>()
     }
 
+    /// The first coordinate of the effect of a place in the list.
+    pub fn first_coordinate(&self, place: usize) -> usize {
+        let before = self.effects.iter().take(place);
+        BASE.len() + before.map(|tried| tried.entry.parameters.len()).sum::<usize>()
+    }
+
+    /// Whether a coordinate moves anything: a share of what the file says is nothing does not.
+    pub fn is_free(&self, coordinate: usize) -> bool {
+        let twin = Twin { plant: self.nominal, current_gain: 1.0 };
+        BASE.get(coordinate).is_none_or(|base| (base.get)(&twin) != 0.0)
+    }
+
     /// All coordinates.
     pub fn coordinates(&self) -> Vec<f64> {
         let effects = self.effects.iter().flat_map(|tried| {
-            let scaled =
-                |(value, parameter): (&f64, &crate::plant::effects::Parameter)| value / parameter.prior;
+            let scaled = |(value, parameter): (&f64, &Parameter)| value / parameter.prior;
             tried.values.iter().zip(tried.entry.parameters).map(scaled).collect::<Vec<_>>()
         });
         self.base.iter().copied().chain(effects).collect()
@@ -175,7 +220,7 @@ impl Model {
     /// Where a coordinate is believed to be before there are data: an amplitude at zero, the rest where it usually is.
     pub fn expected(&self) -> Vec<f64> {
         let effects = self.effects.iter().flat_map(|tried| {
-            let of = |(place, parameter): (usize, &crate::plant::effects::Parameter)| {
+            let of = |(place, parameter): (usize, &Parameter)| {
                 if place == 0 { 0.0 } else { parameter.nominal / parameter.prior }
             };
             tried.entry.parameters.iter().enumerate().map(of).collect::<Vec<_>>()
@@ -223,11 +268,6 @@ impl Model {
             let [low, high] = parameter.bounds;
             parameter.unit != "deg" && ((*value == low && low != 0.0) || *value == high)
         })
-    }
-
-    /// Whether the file's own effects are in it already.
-    pub fn nominal_effects(&self) -> &Effects {
-        &self.nominal.effects
     }
 }
 

@@ -17,11 +17,13 @@ use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::fit::{Fitted, cost, cost_of, fit, rho};
+use super::fit::{Fitted, fit};
+use super::linear::{BLOCK_S, Linear, residuals, rho};
 use super::model::Model;
 use super::problem::{Part, Problem};
 use super::shortlist::{Scored, shortlist};
-use crate::plant::effects::CATALOGUE;
+use super::spectrum::Peaks;
+use crate::plant::effects::{CATALOGUE, Experiment, entry};
 
 /// Candidates that are fitted together with the base.
 const FITTED: usize = 6;
@@ -39,8 +41,9 @@ const HELD_SHARE: f64 = 0.1;
 const SURE: f64 = 4.0;
 /// Candidates whose evidence is nearer than this, or than this share, cannot be told apart.
 const NEAR: (f64, f64) = (20.0, 0.02);
-/// Length of the blocks that are drawn to see how sure a fall is, s, and how often.
-const BLOCK_S: f64 = 0.25;
+/// Less than this is never left per row, in units of the floor.
+const LEAST_PER_ROW: f64 = 0.5;
+/// How often blocks are drawn to see how sure a fall is.
 const DRAWS: usize = 400;
 
 /// A candidate that was fitted.
@@ -109,31 +112,32 @@ pub struct NamedEffect {
     pub runner_up: Option<(&'static str, f64)>,
 }
 
-/// Rows of a part.
-pub fn rows(problem: &Problem<'_>, part: Part) -> usize {
-    (0..problem.data.len()).map(|place| problem.count(place, part)).sum()
+impl NamedEffect {
+    /// What an axis must do to tell it from the others of its class; nothing where it is alone, or where no log tells
+    /// them apart.
+    pub fn told_apart_by(&self) -> Option<Experiment> {
+        let mut others = self.class.iter().map(|(other, _)| other.name());
+        let open = others.find(|other| *other != self.name && !is_alias(self.name, other))?;
+        Some(entry(open)?.experiment)
+    }
 }
 
 /// Names what an axis lacks; `progress` is told what is being done.
-pub fn name(
-    problem: &Problem<'_>,
-    start: &Model,
-    peaks: &(dyn Fn(&Model, &str) -> Vec<f64> + Sync),
-    progress: &(dyn Fn(&str) + Sync),
-) -> Named {
-    let rows = [Part::Fit, Part::Held].map(|part| rows(problem, part));
+pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Sync)) -> Named {
+    let rows = [Part::Fit, Part::Held].map(|part| problem.count(part));
     progress("fitting the base model");
-    let base = fit(problem, start, ITERATIONS[0]);
-    let base_held = cost_of(problem, &base.model, Part::Held);
-    let (mut model, mut held) = (base.clone(), base_held);
+    let base = fit(problem, start, ITERATIONS[0], None);
+    let base_blocks = Blocks::new(problem, &base.model);
+    let (mut model, mut blocks) = (base.clone(), base_blocks.clone());
     let mut effects: Vec<NamedEffect> = Vec::new();
     let mut refused = Vec::new();
     while effects.len() < EFFECTS_MAX {
         progress("looking for what is missing");
-        let here = model.model.clone();
-        let listed = shortlist(problem, &here, &|key| peaks(&here, key));
+        let here = Linear::new(problem, &model.model, residuals(problem, &model.model, Part::Fit), None);
+        let peaks = Peaks::new(problem, &model.model);
+        let listed = shortlist(problem, &here, &|key| peaks.of(key));
         progress("fitting what may be missing");
-        let mut candidates = tried(problem, &model, held, &listed, rows);
+        let mut candidates = tried(problem, &here, &model, &blocks, &listed, rows);
         candidates.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
         let (passed, failed): (Vec<Candidate>, Vec<Candidate>) =
             candidates.into_iter().partition(|candidate| candidate.failed.is_empty());
@@ -150,31 +154,33 @@ pub fn name(
             class.iter().map(|one| (0.5 * (one.evidence - best.evidence) / margin).exp()).collect();
         let all: f64 = weights.iter().sum();
         let class = class.into_iter().zip(weights.iter().map(|weight| weight / all)).collect();
-        (model, held) = (best.fitted.clone(), best.held);
+        model = fit(problem, &best.fitted.model, ITERATIONS[1], None);
+        blocks = Blocks::new(problem, &model.model);
         effects.push(NamedEffect { name: best.name(), class, runner_up });
     }
     // Backwards: what came first may have stood for what came later.
     let mut place = 0;
     while effects.len() > 1 && place < effects.len() {
-        let without = fit(problem, &model.model.without(place), ITERATIONS[1]);
-        let without_held = cost_of(problem, &without.model, Part::Held);
+        let without = fit(problem, &model.model.without(place), ITERATIONS[1], None);
+        let without_blocks = Blocks::new(problem, &without.model);
         let scale = scale(model.cost, rows[0]);
         let fall = (without.total - model.total) / scale;
-        let held_fall = (without_held - held) / scale;
+        let held_fall = (without_blocks.cost() - blocks.cost()) / scale;
         if fall < FALL || held_fall < HELD_FALL {
             effects.remove(place);
-            (model, held) = (without, without_held);
+            (model, blocks) = (without, without_blocks);
             place = 0;
         } else {
             place += 1;
         }
     }
+    let [base_held, held] = [base_blocks, blocks].map(|blocks| blocks.cost());
     Named { base, base_held, model, held, effects, refused, rows }
 }
 
-/// What is left per row, at least the 1 of noise.
+/// What is left per row; a floor that counts what an encoder hides twice is too high, but not by more.
 fn scale(cost: f64, rows: usize) -> f64 {
-    (cost / rows.max(1) as f64).max(1.0)
+    (cost / rows.max(1) as f64).max(LEAST_PER_ROW)
 }
 
 fn is_alias(name: &str, other: &str) -> bool {
@@ -184,87 +190,88 @@ fn is_alias(name: &str, other: &str) -> bool {
     })
 }
 
+/// The most promising of a list, fitted beside the model that was fitted before.
 fn tried(
     problem: &Problem<'_>,
+    here: &Linear,
     without: &Fitted,
-    without_held: f64,
+    blocks_without: &Blocks,
     listed: &[Scored],
     rows: [usize; 2],
 ) -> Vec<Candidate> {
-    let blocks_without = blocks(problem, &without.model);
-    listed
-        .par_iter()
-        .take(FITTED)
-        .map(|scored| {
-            let fitted = fit(problem, &without.model.with(scored.tried), ITERATIONS[1]);
-            let held = cost_of(problem, &fitted.model, Part::Held);
-            let added = fitted.model.effects.len() - 1;
-            let parameters = scored.tried.entry.parameters.len();
-            let scale = scale(fitted.cost, rows[0]);
-            let held_scale = self::scale(held, rows[1]);
-            let fall = (without.total - fitted.total) / scale - parameters as f64 * (rows[0] as f64).ln();
-            let held_fall = (without_held - held) / held_scale;
-            let left = without_held - expected_cost(rows[1]);
-            let mut failed = Vec::new();
-            if fall <= FALL + 2.0 * (CATALOGUE.len() as f64).ln() {
-                failed.push(Gate::Fit);
-            }
-            if held_fall <= HELD_FALL || (without_held - held) < HELD_SHARE * left {
-                failed.push(Gate::Held);
-            }
-            if !is_sure(&blocks_without, &blocks(problem, &fitted.model)) {
-                failed.push(Gate::Blocks);
-            }
-            let place = fitted.model.coordinate_count() - parameters;
-            let amplitude = fitted.model.coordinates()[place];
-            let sigma = (fitted.covariance[(place, place)] * scale).sqrt();
-            if amplitude.abs() <= SURE * sigma {
-                failed.push(Gate::Amplitude);
-            }
-            if fitted.model.is_at_bound(added) {
-                failed.push(Gate::Bounds);
-            }
-            Candidate { evidence: fall + held_fall, fitted, held, failed }
-        })
-        .collect()
-}
-
-/// What pure noise costs.
-fn expected_cost(rows: usize) -> f64 {
-    rows as f64
+    let without_held = blocks_without.cost();
+    let one = |scored: &Scored| {
+        let fits = scored.starts.each_ref().map(|start| fit(problem, start, ITERATIONS[1], Some(here)));
+        let [first, second] = fits;
+        let fitted = if second.total < first.total { second } else { first };
+        let blocks = Blocks::new(problem, &fitted.model);
+        let held = blocks.cost();
+        let added = fitted.model.effects.len() - 1;
+        let parameters = scored.entry().parameters.len();
+        let scale = scale(fitted.cost, rows[0]);
+        let held_scale = self::scale(held, rows[1]);
+        let fall = (without.total - fitted.total) / scale - parameters as f64 * (rows[0] as f64).ln();
+        let held_fall = (without_held - held) / held_scale;
+        // Pure noise costs 1 per row.
+        let left = without_held - rows[1] as f64;
+        let mut failed = Vec::new();
+        if fall <= FALL + 2.0 * (CATALOGUE.len() as f64).ln() {
+            failed.push(Gate::Fit);
+        }
+        if held_fall <= HELD_FALL || (without_held - held) < HELD_SHARE * left {
+            failed.push(Gate::Held);
+        }
+        if !blocks_without.is_surely_worse_than(&blocks) {
+            failed.push(Gate::Blocks);
+        }
+        let place = fitted.model.first_coordinate(added);
+        let amplitude = fitted.model.coordinates()[place];
+        if amplitude.abs() <= SURE * fitted.covariance[(place, place)].sqrt() {
+            failed.push(Gate::Amplitude);
+        }
+        if fitted.model.is_at_bound(added) {
+            failed.push(Gate::Bounds);
+        }
+        Candidate { evidence: fall + held_fall, fitted, held, failed }
+    };
+    listed.par_iter().take(FITTED).map(one).collect()
 }
 
 /// Cost of the rows that were not fitted, block by block.
-fn blocks(problem: &Problem<'_>, model: &Model) -> Vec<f64> {
-    let length = (BLOCK_S / problem.machine.cycle.period.as_s()) as usize;
-    let mut blocks = Vec::new();
-    for place in (0..problem.data.len()).filter(|place| problem.data[*place].has(Part::Held)) {
-        let residual = problem.residual(place, model, Part::Held);
-        let rows = residual.iter().map(Vec::len).max().unwrap_or(0);
-        for from in (0..rows).step_by(length) {
-            let of = |signal: &Vec<f64>| {
-                signal.iter().skip(from).take(length).map(|value| rho(*value)).sum::<f64>()
-            };
-            blocks.push(residual.iter().map(of).sum());
+#[derive(Clone, Debug)]
+struct Blocks(Vec<f64>);
+
+impl Blocks {
+    fn new(problem: &Problem<'_>, model: &Model) -> Self {
+        let length = (BLOCK_S / problem.machine.cycle.period.as_s()) as usize;
+        let mut blocks = Vec::new();
+        for residual in residuals(problem, model, Part::Held) {
+            let rows = residual.iter().map(Vec::len).max().unwrap_or(0);
+            for from in (0..rows).step_by(length) {
+                let of = |signal: &Vec<f64>| {
+                    signal.iter().skip(from).take(length).map(|value| rho(*value)).sum::<f64>()
+                };
+                blocks.push(residual.iter().map(of).sum());
+            }
         }
+        Self(blocks)
     }
-    blocks
-}
 
-/// Whether blocks drawn again are better in 95 of 100 draws.
-fn is_sure(without: &[f64], with: &[f64]) -> bool {
-    let falls: Vec<f64> = without.iter().zip(with).map(|(a, b)| a - b).collect();
-    if falls.is_empty() {
-        return false;
+    fn cost(&self) -> f64 {
+        self.0.iter().sum()
     }
-    let mut random = Pcg64Mcg::seed_from_u64(5);
-    let worse = (0..DRAWS)
-        .filter(|_| (0..falls.len()).map(|_| falls[random.random_range(0..falls.len())]).sum::<f64>() <= 0.0)
-        .count();
-    worse * 20 <= DRAWS
-}
 
-/// Cost of a model on a run, for whoever wants to see where it is.
-pub fn cost_of_run(problem: &Problem<'_>, place: usize, model: &Model, part: Part) -> f64 {
-    cost(&problem.residual(place, model, part))
+    /// Whether blocks drawn again are worse than others in 95 of 100 draws.
+    fn is_surely_worse_than(&self, other: &Self) -> bool {
+        let falls: Vec<f64> = self.0.iter().zip(&other.0).map(|(a, b)| a - b).collect();
+        if falls.is_empty() {
+            return false;
+        }
+        let mut random = Pcg64Mcg::seed_from_u64(5);
+        let drawn = |_: &usize| {
+            (0..falls.len()).map(|_| falls[random.random_range(0..falls.len())]).sum::<f64>() <= 0.0
+        };
+        let not_worse = (0..DRAWS).filter(drawn).count();
+        not_worse * 20 <= DRAWS
+    }
 }

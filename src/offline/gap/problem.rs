@@ -8,7 +8,7 @@
 //! what the filter remembers of them count nothing.
 //! Invariant: what is compared is the same rows for every model.
 
-use super::floor::{Noise, Pick};
+use super::floor::{Loudness, Noise, Pick};
 use super::forward::{Course, SETTLE_S, Signals, without_counts};
 use super::model::Model;
 use super::runs::Run;
@@ -32,6 +32,8 @@ pub struct AxisData {
     pub course: Course,
     /// What was measured.
     pub measured: Signals,
+    /// How much louder than the floor the noise of each signal is, row by row; empty where it is as loud.
+    pub loudness: [Loudness; SIGNALS.len()],
     /// Rows that models are fitted to.
     pub fit: Vec<bool>,
     /// Rows that no model is fitted to: they judge it.
@@ -108,7 +110,10 @@ impl<'m> Problem<'m> {
     /// What the model makes of a run.
     pub fn simulated(&self, place: usize, model: &Model) -> Signals {
         let every = self.machine.cycle.position_every;
-        self.data[place].course.run(&self.axis, every, self.gain_set, &model.plant())
+        let twin = model.twin();
+        let mut signals = self.data[place].course.run(&self.axis, every, self.gain_set, &twin.plant);
+        signals.current_a.iter_mut().for_each(|current_a| *current_a *= twin.current_gain);
+        signals
     }
 
     /// Measured less simulated of a signal, in its unit; zero where a row does not count.
@@ -146,6 +151,7 @@ impl<'m> Problem<'m> {
                 return Some(Vec::new());
             }
             let mut white = noise.whitened(&left);
+            white.iter_mut().zip(&self.data[place].loudness[signal]).for_each(|(value, loud)| *value /= loud);
             for (value, counts) in white.iter_mut().zip(self.data[place].rows(part)) {
                 if !counts {
                     *value = 0.0;
@@ -156,14 +162,21 @@ impl<'m> Problem<'m> {
         self.noises.iter().enumerate().filter_map(of).collect()
     }
 
-    /// How many values of a part of a run count.
-    pub fn count(&self, place: usize, part: Part) -> usize {
-        let data = &self.data[place];
-        let rows = data.rows(part).iter().filter(|counts| **counts).count();
-        let signals = SIGNALS
-            .iter()
-            .zip(&self.noises)
-            .filter(|((.., pick), noise)| noise.is_some() && !pick(&data.measured).is_empty());
-        rows * signals.count()
+    /// The runs that have rows of a part.
+    pub fn places(&self, part: Part) -> Vec<usize> {
+        (0..self.data.len()).filter(|place| self.data[*place].has(part)).collect()
+    }
+
+    /// How many values of a part count.
+    pub fn count(&self, part: Part) -> usize {
+        let of = |data: &AxisData| {
+            let rows = data.rows(part).iter().filter(|counts| **counts).count();
+            let signals = SIGNALS
+                .iter()
+                .zip(&self.noises)
+                .filter(|((.., pick), noise)| noise.is_some() && !pick(&data.measured).is_empty());
+            rows * signals.count()
+        };
+        self.data.iter().map(of).sum()
     }
 }

@@ -117,6 +117,14 @@ pub struct AxisRun {
     pub current_a: Vec<f64>,
 }
 
+/// From the least value of a column to its greatest.
+pub(super) fn span(column: &[f64]) -> f64 {
+    let [low, high] = column
+        .iter()
+        .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| [low.min(*value), high.max(*value)]);
+    high - low
+}
+
 /// Rows one cycle apart.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Run {

@@ -2,33 +2,44 @@
 //! coordinates cannot make up for is held against what is left.
 //!
 //! ```text
-//!   s = residual without - residual with the effect      T = what the fitted coordinates do
-//!   gain = (sᵀ P r)² / (sᵀ P s),  P = 1 - T (TᵀT + prior)⁻¹ Tᵀ             in the weights of the fit
+//!   minimise  ‖r + T δ + S a‖² + beliefs      S = residual with the effect less that without
+//!   gain = what a brings beyond the best δ alone                                    in the weights of the fit
 //! ```
 //!
 //! Effects with a phase give two such columns, a quarter of a period apart. What else is not linear is tried at a few
 //! values, frequencies where the spectrum of what is left has its peaks.
 //! Invariant: the order of the catalogue decides nothing.
 
+use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 
+use super::linear::{Linear, LinearRun, weight};
 use super::model::{Model, Tried};
 use super::problem::{Part, Problem, Residual};
 use crate::plant::effects::{CATALOGUE, Entry, Values};
 
 /// Share of its usual size at which an effect is tried.
 const SHARE: f64 = 0.5;
+/// The linear estimate moves no coordinate further than this.
+const FURTHEST: f64 = 1.5;
 
 /// An effect that may be there.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Scored {
-    /// With the values that the linear estimate gives it.
-    pub tried: Tried,
+    /// With the values that the linear estimate gives it, beside a model as it was, and beside one that makes room.
+    pub starts: [Model; 2],
     /// By how much the cost falls, if all were linear.
     pub gain: f64,
+}
+
+impl Scored {
+    /// What is tried.
+    pub fn entry(&self) -> &'static Entry {
+        self.starts[0].effects.last().expect("it is tried with an effect").entry
+    }
 }
 
 /// Values at which an entry is tried; its amplitude is that of the trial.
@@ -37,7 +48,8 @@ fn seeds(entry: &'static Entry, peaks: &dyn Fn(&str) -> Vec<f64>) -> Vec<Values>
     nominal[0] = if nominal[0] == 0.0 { entry.parameters[0].prior } else { nominal[0] } * SHARE;
     let mut seeds = vec![nominal];
     for (place, parameter) in entry.parameters.iter().enumerate().skip(1) {
-        if parameter.unit == "deg" {
+        // A damping is found by the fit.
+        if parameter.unit == "deg" || parameter.key == "damping-percent" {
             continue;
         }
         let [low, high] = parameter.bounds;
@@ -45,7 +57,7 @@ fn seeds(entry: &'static Entry, peaks: &dyn Fn(&str) -> Vec<f64>) -> Vec<Values>
         if others.is_empty() {
             others = [0.3, 3.0].map(|factor| parameter.nominal * factor).to_vec();
         }
-        let others: Vec<f64> = others.into_iter().filter(|value| (low..=high).contains(value)).collect();
+        others.retain(|value| (low..=high).contains(value) && *value != parameter.nominal);
         let so_far = seeds.clone();
         for other in others {
             seeds.extend(so_far.iter().map(|seed| {
@@ -63,51 +75,45 @@ fn phase_of(entry: &Entry) -> Option<usize> {
 }
 
 /// Every effect that is not in the model yet, with the best of its trials, the most promising first.
-pub fn shortlist(
-    problem: &Problem<'_>,
-    model: &Model,
-    peaks: &(dyn Fn(&str) -> Vec<f64> + Sync),
-) -> Vec<Scored> {
+pub fn shortlist(problem: &Problem<'_>, here: &Linear, peaks: &dyn Fn(&str) -> Vec<f64>) -> Vec<Scored> {
+    let model = &here.model;
     let present = |entry: &Entry| model.effects.iter().any(|tried| tried.entry.name == entry.name);
     let trials: Vec<(&'static Entry, Values)> = CATALOGUE
         .iter()
         .filter(|entry| !present(entry))
         .flat_map(|entry| seeds(entry, peaks).into_iter().map(move |values| (entry, values)))
         .collect();
-    let places: Vec<usize> =
-        (0..problem.data.len()).filter(|place| problem.data[*place].has(Part::Fit)).collect();
-    let mut fitted = Fitted::new(model);
-    let mut sums: Vec<Sums> = trials.iter().map(|(entry, _)| Sums::new(model, entry)).collect();
-    for place in places {
-        let here = Here::new(problem, model, place);
-        fitted.add(&here);
-        sums.par_iter_mut().zip(&trials).for_each(|(sums, (entry, values))| {
-            let columns: Vec<Residual> = variants(entry, *values)
-                .into_iter()
-                .map(|values| {
-                    let tried = model.with(Tried { entry, values });
-                    let mut column = problem.residual(place, &tried, Part::Fit);
-                    for (column, residual) in column.iter_mut().zip(&here.residual) {
-                        for (value, without) in column.iter_mut().zip(residual) {
-                            *value = without - *value;
-                        }
-                    }
-                    column
-                })
-                .collect();
-            sums.add(&here, &columns);
-        });
+    let equations = here.normal(usize::MAX).with_beliefs(model);
+    let mut curvature = equations.curvature;
+    for place in 0..curvature.nrows() {
+        curvature[(place, place)] += 1e-9;
     }
-    let Some(fitted) = fitted.solved() else { return Vec::new() };
-    let mut best: Vec<Scored> = Vec::new();
-    for (sums, (entry, values)) in sums.iter().zip(&trials) {
-        let Some(scored) = sums.scored(&fitted, entry, *values) else { continue };
-        match best.iter_mut().find(|other| other.tried.entry.name == entry.name) {
-            Some(other) if other.gain >= scored.gain => {}
-            Some(other) => *other = scored,
-            None => best.push(scored),
+    let Some(curvature) = curvature.cholesky() else { return Vec::new() };
+    let known = (curvature, equations.slope);
+    let places = problem.places(Part::Fit);
+    let scored = trials.par_iter().filter_map(|(entry, values)| {
+        let mut sums = Sums::new(model, entry);
+        for (place, run) in places.iter().zip(&here.runs) {
+            let column = |values: Values| {
+                let mut column = problem.residual(*place, &model.with(Tried { entry, values }), Part::Fit);
+                for (column, residual) in column.iter_mut().zip(&run.residual) {
+                    column.iter_mut().zip(residual).for_each(|(value, without)| *value -= without);
+                }
+                column
+            };
+            let columns: Vec<Residual> = variants(entry, *values).into_iter().map(column).collect();
+            sums.add(run, columns);
+        }
+        sums.scored(&known, model, entry, *values)
+    });
+    let mut best: BTreeMap<&str, Scored> = BTreeMap::new();
+    for scored in scored.collect::<Vec<_>>() {
+        let name = scored.entry().name;
+        if best.get(name).is_none_or(|other| other.gain < scored.gain) {
+            best.insert(name, scored);
         }
     }
+    let mut best: Vec<Scored> = best.into_values().collect();
     best.sort_by(|a, b| b.gain.total_cmp(&a.gain));
     best
 }
@@ -124,86 +130,11 @@ fn variants(entry: &Entry, values: Values) -> Vec<Values> {
         .to_vec()
 }
 
-/// A run with what the model leaves of it, and what its coordinates do there.
-struct Here {
-    residual: Residual,
-    weights: Vec<Vec<f64>>,
-    tangent: Vec<Residual>,
-}
-
-impl Here {
-    fn new(problem: &Problem<'_>, model: &Model, place: usize) -> Self {
-        const STEP: f64 = 0.04;
-        let residual = problem.residual(place, model, Part::Fit);
-        let coordinates = model.coordinates();
-        let tangent = (0..coordinates.len())
-            .into_par_iter()
-            .map(|coordinate| {
-                let mut moved = coordinates.clone();
-                moved[coordinate] += STEP;
-                let mut column = problem.residual(place, &model.at(&moved), Part::Fit);
-                for (column, residual) in column.iter_mut().zip(&residual) {
-                    for (value, here) in column.iter_mut().zip(residual) {
-                        *value = (here - *value) / STEP;
-                    }
-                }
-                column
-            })
-            .collect();
-        // As in the fit: rows that are far off count by their size.
-        let weigh = |value: &f64| if value.abs() <= 4.0 { 1.0 } else { 4.0 / value.abs() };
-        let weights = residual.iter().map(|rows| rows.iter().map(weigh).collect()).collect();
-        Self { residual, weights, tangent }
-    }
-
-    fn product(&self, a: &Residual, b: &Residual) -> f64 {
-        let mut sum = 0.0;
-        for ((a, b), weights) in a.iter().zip(b).zip(&self.weights) {
-            sum += a.iter().zip(b).zip(weights).map(|((a, b), w)| a * b * w).sum::<f64>();
-        }
-        sum
-    }
-}
-
-/// Products over all runs of what the fitted coordinates do: with each other, and with what is left.
-struct Fitted {
-    tangent: DMatrix<f64>,
-    left: DVector<f64>,
-}
-
-impl Fitted {
-    fn new(model: &Model) -> Self {
-        let count = model.coordinate_count();
-        let mut tangent = DMatrix::zeros(count, count);
-        for (place, sure) in model.sureness().into_iter().enumerate() {
-            tangent[(place, place)] = sure.powi(-2) + 1e-9;
-        }
-        Self { tangent, left: DVector::zeros(count) }
-    }
-
-    fn add(&mut self, here: &Here) {
-        for (i, a) in here.tangent.iter().enumerate() {
-            self.left[i] += here.product(a, &here.residual);
-            for (j, b) in here.tangent.iter().enumerate().take(i + 1) {
-                let product = here.product(a, b);
-                self.tangent[(i, j)] += product;
-                if i != j {
-                    self.tangent[(j, i)] += product;
-                }
-            }
-        }
-    }
-
-    fn solved(self) -> Option<(Cholesky<f64, Dyn>, DVector<f64>)> {
-        Some((self.tangent.cholesky()?, self.left))
-    }
-}
-
 /// Products over all runs of the columns of a trial: with the tangent, with each other, with what is left.
 struct Sums {
     crossed: DMatrix<f64>,
     columns: DMatrix<f64>,
-    left: DVector<f64>,
+    slope: DVector<f64>,
 }
 
 impl Sums {
@@ -213,30 +144,35 @@ impl Sums {
         Self {
             crossed: DMatrix::zeros(columns, count),
             columns: DMatrix::zeros(columns, columns),
-            left: DVector::zeros(columns),
+            slope: DVector::zeros(columns),
         }
     }
 
-    fn add(&mut self, here: &Here, columns: &[Residual]) {
+    fn add(&mut self, run: &LinearRun, columns: Vec<Residual>) {
         for (i, column) in columns.iter().enumerate() {
-            self.left[i] += here.product(column, &here.residual);
-            for (j, tangent) in here.tangent.iter().enumerate() {
-                self.crossed[(i, j)] += here.product(column, tangent);
+            let mut weighed = column.clone();
+            for (weighed, residual) in weighed.iter_mut().zip(&run.residual) {
+                weighed.iter_mut().zip(residual).for_each(|(value, left)| *value *= weight(*left));
+            }
+            self.slope[i] += product(&weighed, &run.residual);
+            for (j, tangent) in run.columns.iter().enumerate() {
+                self.crossed[(i, j)] += tangent.as_ref().map_or(0.0, |tangent| product(&weighed, tangent));
             }
             for (j, other) in columns.iter().enumerate() {
-                self.columns[(i, j)] += here.product(column, other);
+                self.columns[(i, j)] += product(&weighed, other);
             }
         }
     }
 
     fn scored(
         &self,
-        (tangent, tangent_left): &(Cholesky<f64, Dyn>, DVector<f64>),
+        (curvature, slope): &(Cholesky<f64, Dyn>, DVector<f64>),
+        model: &Model,
         entry: &'static Entry,
         values: Values,
     ) -> Option<Scored> {
-        let made_up = tangent.solve(&self.crossed.transpose());
-        let left = &self.left - made_up.transpose() * tangent_left;
+        let made_up = curvature.solve(&self.crossed.transpose());
+        let left = made_up.transpose() * slope - &self.slope;
         let mut held = &self.columns - &self.crossed * &made_up;
         for place in 0..held.nrows() {
             held[(place, place)] += 1e-9 + 1e-6 * self.columns[(place, place)];
@@ -244,19 +180,29 @@ impl Sums {
         let shares = held.cholesky()?.solve(&left);
         let mut tried = values;
         let [low, high] = entry.parameters[0].bounds;
-        let gain = match phase_of(entry) {
+        match phase_of(entry) {
             Some(place) => {
                 let (cosine, sine) = (shares[0], shares[1]);
                 tried[0] = (values[0] * cosine.hypot(sine)).clamp(low, high);
                 tried[place] = sine.atan2(cosine) / TAU * 360.0;
-                shares.dot(&left)
             }
-            None => {
-                tried[0] = (values[0] * shares[0]).clamp(low, high);
-                // What may be positive alone and wants to be negative is not there.
-                if tried[0] == 0.0 { 0.0 } else { shares.dot(&left) }
-            }
-        };
-        (gain > 0.0 && tried[0] != 0.0).then_some(Scored { tried: Tried { entry, values: tried }, gain })
+            // What may be positive alone and wants to be negative is not there.
+            None => tried[0] = (values[0] * shares[0]).clamp(low, high),
+        }
+        let gain = shares.dot(&left);
+        if tried[0] == 0.0 || gain <= 0.0 {
+            return None;
+        }
+        let moved = curvature.solve(&(-slope - self.crossed.transpose() * &shares));
+        let largest = moved.amax();
+        let share = if largest > FURTHEST { FURTHEST / largest } else { 1.0 };
+        let at: Vec<f64> =
+            model.coordinates().iter().zip(moved.iter()).map(|(at, by)| at + share * by).collect();
+        let tried = Tried { entry, values: tried };
+        Some(Scored { starts: [model.with(tried), model.at(&at).with(tried)], gain })
     }
+}
+
+fn product(a: &Residual, b: &Residual) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>()).sum()
 }

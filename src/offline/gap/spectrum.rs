@@ -24,30 +24,48 @@ const PER_TURN: [f64; 2] = [0.6, 60.0];
 /// Sums per turn.
 const BINS_PER_TURN: f64 = 256.0;
 
-/// Values of a parameter that the spectrum suggests, by the unit in its key; nothing for other keys.
-pub fn peaks(problem: &Problem<'_>, model: &Model, key: &str) -> Vec<f64> {
-    let lead_m = model.nominal.mechanics.lead_m;
-    let period_s = problem.machine.cycle.period.as_s();
-    let (per_unit, range, by_place) = if key.ends_with("-hz") {
-        (1.0 / period_s, HZ, false)
-    } else if ["per-rev", "per-turn", "order"].iter().any(|word| key.contains(word)) {
-        (BINS_PER_TURN, PER_TURN, true)
-    } else {
-        return Vec::new();
-    };
-    let mut sums: Vec<Vec<f64>> = Vec::new();
-    for place in (0..problem.data.len()).filter(|place| problem.data[*place].has(Part::Fit)) {
-        let data = &problem.data[place];
-        let simulated = problem.simulated(place, model);
-        let left = problem.left(place, &simulated, SIGNALS[2].2, Part::Fit);
-        let kept: Vec<f64> =
-            left.iter().zip(&data.fit).map(|(value, counts)| if *counts { *value } else { 0.0 }).collect();
-        if by_place {
-            sums.push(by_bins(&kept, &positions(&simulated, data.course.setpoints_m()), lead_m));
+/// What a model leaves of the current of all runs, in time and along the screw, looked through once.
+#[derive(Debug)]
+pub struct Peaks {
+    hz: Vec<f64>,
+    per_turn: Vec<f64>,
+}
+
+impl Peaks {
+    /// Of a model.
+    pub fn new(problem: &Problem<'_>, model: &Model) -> Self {
+        let lead_m = model.nominal.mechanics.lead_m;
+        let (mut in_time, mut by_place) = (Vec::new(), Vec::new());
+        for place in problem.places(Part::Fit) {
+            let data = &problem.data[place];
+            let simulated = problem.simulated(place, model);
+            let left = problem.left(place, &simulated, SIGNALS[2].2, Part::Fit);
+            let kept: Vec<f64> = left
+                .iter()
+                .zip(&data.fit)
+                .map(|(value, counts)| if *counts { *value } else { 0.0 })
+                .collect();
+            by_place.push(by_bins(&kept, &positions(&simulated, data.course.setpoints_m()), lead_m));
+            in_time.push(kept);
+        }
+        let period_s = problem.machine.cycle.period.as_s();
+        Self { hz: peaks(in_time, 1.0 / period_s, HZ), per_turn: peaks(by_place, BINS_PER_TURN, PER_TURN) }
+    }
+
+    /// Values of a parameter that they suggest, by the unit in its key; nothing for other keys.
+    pub fn of(&self, key: &str) -> Vec<f64> {
+        if key.ends_with("-hz") {
+            self.hz.clone()
+        } else if key.ends_with("-per-turn") {
+            self.per_turn.clone()
         } else {
-            sums.push(kept);
+            Vec::new()
         }
     }
+}
+
+/// Peaks of the power of all, each of so many values per unit.
+fn peaks(sums: Vec<Vec<f64>>, per_unit: f64, range: [f64; 2]) -> Vec<f64> {
     let Some(longest) = sums.iter().map(Vec::len).max() else { return Vec::new() };
     let length = (2 * longest).next_power_of_two();
     let transform = FftPlanner::new().plan_fft_forward(length);

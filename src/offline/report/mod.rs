@@ -1,4 +1,4 @@
-//! The result of a circular test, of an [`identification`] or of a [`tuning`], as files a person opens: a page, a drawing, a
+//! The result of a circular test, of an [`identification`], of a [`tuning`] or of a [`gap`], as files a person opens: a page, a drawing, a
 //! picture.
 //!
 //! Each file is written under a temporary name in the same folder and renamed when it is complete, so
@@ -7,6 +7,7 @@
 
 pub mod autotune;
 pub mod frequency;
+pub mod gap;
 pub mod identification;
 mod page;
 pub mod tuning;

@@ -20,7 +20,7 @@ use super::super::maps::{Motion, StepMaps};
 use super::super::params::{Mechanics, Parameters};
 use super::super::{Body, Part};
 use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
-use super::hooks::Action;
+use super::hooks::{Action, Pace};
 use super::step::Stepping;
 
 pub(super) const ENTRY: Entry = Entry {
@@ -143,7 +143,7 @@ impl Body {
         command_n: f64,
         stepping: &S,
     ) {
-        if stepping.may_span() && self.is_running() {
+        if stepping.pace() == Pace::Slow && self.is_running() {
             let before = (self.motion, self.remembered);
             let (flank, _) = self.gap.contact(&self.motion, self);
             if flank != Flank::None {

@@ -5,7 +5,7 @@
 //! Invariant: conservative.
 
 use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
-use super::hooks::{Action, Force, Instant, Memory};
+use super::hooks::{Action, Force, Instant, Memory, Pace};
 
 pub(super) const ENTRY: Entry = Entry {
     name: "constant-force",
@@ -27,7 +27,7 @@ impl Force for Constant {
     fn on_table_n(&self, _at: &Instant, _memory: &Memory) -> f64 {
         self.force_n
     }
-    fn is_slow(&self) -> bool {
-        true
+    fn pace(&self) -> Pace {
+        Pace::Slow
     }
 }

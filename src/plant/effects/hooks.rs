@@ -45,6 +45,17 @@ pub(in crate::plant) trait Friction: Debug + Send + Sync {
     }
 }
 
+/// How fast forces change while the table runs, and so how long a step may be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(in crate::plant) enum Pace {
+    /// A step may span the tick.
+    Slow,
+    /// As the angle of the motor does: a step may span half of it.
+    Even,
+    /// With a frequency or a stiffness of its own: fine steps.
+    Fast,
+}
+
 /// A force that the base model lacks.
 pub(in crate::plant) trait Force: Debug + Send + Sync {
     /// Added to the command of the current loop, N; held over a step, as a drive does it.
@@ -63,9 +74,9 @@ pub(in crate::plant) trait Force: Debug + Send + Sync {
     fn stretch_m(&self, _at: &Instant) -> f64 {
         0.0
     }
-    /// Whether it changes so slowly that one step of a running table may span a tick.
-    fn is_slow(&self) -> bool {
-        false
+    /// How fast it changes while the table runs.
+    fn pace(&self) -> Pace {
+        Pace::Fast
     }
     /// What it remembers when the axis moves steadily at a velocity; nothing for most.
     fn memory(&self, _velocity_m_per_s: f64) -> Option<Memory> {

@@ -48,8 +48,8 @@ mod cross_coupling;
 mod reversal_compensation;
 
 pub use catalogue::{Coordinate, Effects, Entry, Experiment, Parameter, VALUES_MAX, Values, entry};
-pub(in crate::plant) use hooks::Action;
 pub use hooks::Neighbour;
+pub(in crate::plant) use hooks::{Action, Pace};
 
 /// Every effect there is.
 pub const CATALOGUE: &[Entry] = &[

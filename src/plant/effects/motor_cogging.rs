@@ -10,7 +10,7 @@
 use std::f64::consts::TAU;
 
 use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
-use super::hooks::{Action, Force, Instant, Memory};
+use super::hooks::{Action, Force, Instant, Memory, Pace};
 
 pub(super) const ENTRY: Entry = Entry {
     name: "motor-cogging",
@@ -41,6 +41,10 @@ struct Cogging {
 }
 
 impl Force for Cogging {
+    fn pace(&self) -> Pace {
+        Pace::Even
+    }
+
     fn on_motor_n(&self, at: &Instant, _memory: &Memory) -> f64 {
         self.amplitude_n * libm::sin(at.motor_m * self.rad_per_m + self.phase_rad)
     }

@@ -10,7 +10,7 @@
 //! Invariant: nothing before the first reversal.
 
 use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
-use super::hooks::{Action, Force, Instant, Memory};
+use super::hooks::{Action, Force, Instant, Memory, Pace};
 
 /// A pulse with this share left is over.
 const OVER: f64 = 0.05;
@@ -50,6 +50,10 @@ impl Pulse {
 }
 
 impl Force for Pulse {
+    fn pace(&self) -> Pace {
+        Pace::Even
+    }
+
     fn on_command_n(&self, memory: &Memory, step_s: f64) -> f64 {
         let [side, left, owed_s] = *memory;
         self.start_n * side * (left * self.area_s(step_s) + owed_s) / step_s

@@ -3,7 +3,7 @@
 //! Invariant: conservative.
 
 use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
-use super::hooks::{Action, Force, Instant, Memory};
+use super::hooks::{Action, Force, Instant, Memory, Pace};
 
 pub(super) const ENTRY: Entry = Entry {
     name: "spring-load",
@@ -31,7 +31,7 @@ impl Force for Spring {
     fn on_table_n(&self, at: &Instant, _memory: &Memory) -> f64 {
         -self.n_per_m * (at.table_m - self.neutral_m)
     }
-    fn is_slow(&self) -> bool {
-        true
+    fn pace(&self) -> Pace {
+        Pace::Slow
     }
 }

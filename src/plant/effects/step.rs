@@ -8,12 +8,12 @@
 use super::super::Body;
 use super::super::maps::{Map, Motion, StepMaps};
 use super::acting::{Acting, Remembered};
-use super::hooks::Instant;
+use super::hooks::{Instant, Pace};
 
 /// How a body is moved on.
 pub(in crate::plant) trait Stepping {
-    /// Whether one step may span the tick while the table runs.
-    fn may_span(&self) -> bool;
+    /// How fast the forces change while the table runs.
+    fn pace(&self) -> Pace;
     /// Move on by one step if the table slides on all along it.
     fn span(&self, body: &mut Body, maps: &StepMaps, command_n: f64) -> bool;
     /// Move on by one step; whether the table stands at its end.
@@ -46,8 +46,8 @@ impl Bare {
 
 impl Stepping for Bare {
     #[inline(always)]
-    fn may_span(&self) -> bool {
-        true
+    fn pace(&self) -> Pace {
+        Pace::Slow
     }
 
     #[inline(always)]
@@ -160,8 +160,11 @@ impl Acting {
 }
 
 impl Stepping for Acting {
-    fn may_span(&self) -> bool {
-        self.bristles.is_none() && self.forces.iter().all(|forced| forced.force.is_slow())
+    fn pace(&self) -> Pace {
+        if self.bristles.is_some() {
+            return Pace::Fast;
+        }
+        self.forces.iter().map(|forced| forced.force.pace()).max().unwrap_or(Pace::Slow)
     }
 
     fn span(&self, body: &mut Body, maps: &StepMaps, command_n: f64) -> bool {

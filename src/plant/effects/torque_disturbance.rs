@@ -6,7 +6,7 @@
 use std::f64::consts::TAU;
 
 use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
-use super::hooks::{Action, Force, Instant, Memory};
+use super::hooks::{Action, Force, Instant, Memory, Pace};
 
 pub(super) const ENTRY: Entry = Entry {
     name: "torque-disturbance",
@@ -37,6 +37,10 @@ struct Disturbance {
 }
 
 impl Force for Disturbance {
+    fn pace(&self) -> Pace {
+        Pace::Even
+    }
+
     fn on_motor_n(&self, at: &Instant, _memory: &Memory) -> f64 {
         self.amplitude_n * libm::sin(at.time_s * self.rad_per_s + self.phase_rad)
     }

@@ -8,7 +8,7 @@
 //! Invariant: the torque never falls while the current rises.
 
 use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
-use super::hooks::{Action, Force, Instant, Memory};
+use super::hooks::{Action, Force, Instant, Memory, Pace};
 
 pub(super) const ENTRY: Entry = Entry {
     name: "torque-saturation",
@@ -30,6 +30,10 @@ struct Saturation {
 }
 
 impl Force for Saturation {
+    fn pace(&self) -> Pace {
+        Pace::Even
+    }
+
     fn on_motor_n(&self, at: &Instant, _memory: &Memory) -> f64 {
         let magnitude_n = at.drive_n.abs();
         let made_n = if magnitude_n * self.per_n < 0.5 {

@@ -143,10 +143,10 @@ fn axis(
             ("travel-min-mm", number(-250.0)),
             ("travel-max-mm", number(250.0)),
             ("travel-margin-mm", number(5.0)),
-            ("velocity-mm-per-s", number(250.0)),
+            ("velocity-mm-per-s", number(1000.0)),
             ("acceleration-m-per-s2", number(20.0)),
             ("current-a", number(control.current_max)),
-            ("following-error-mm", number(5.0)),
+            ("following-error-mm", number(50.0)),
             ("standstill-mm-per-s", number(0.5)),
         ],
     )

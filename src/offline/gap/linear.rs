@@ -1,0 +1,269 @@
+//! A model where it stands: what it leaves of each run, what each of its coordinates changes of that, and the normal
+//! equations of both.
+//!
+//! ```text
+//!   slope = Tᵀ W r     curvature = Tᵀ W T     spread = Σ over blocks of (Tᵀ W r) (Tᵀ W r)ᵀ     T = ∂r / ∂coordinate
+//! ```
+//!
+//! Stick and slip are events: near a reversal single rows jump where a model lands on another branch. Rows beyond `K`
+//! standard deviations count by their size and not by its square, so that events do not outvote motion. Derivatives
+//! are differences over a step that is wide against the roughness of the events.
+//! Invariant: a coordinate that moves nothing has no column.
+
+use std::sync::Arc;
+
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+use super::model::Model;
+use super::problem::{Part, Problem, Residual};
+
+/// Rows beyond this count by their size, in standard deviations.
+const K: f64 = 4.0;
+/// Step of a derivative, in coordinates.
+const STEP: f64 = 0.04;
+/// What is left is independent from block to block of this length, s: longer than anything a loop remembers.
+pub const BLOCK_S: f64 = 0.25;
+
+/// Twice the negative logarithm of how probable a residual is, but for a constant.
+pub fn rho(value: f64) -> f64 {
+    let size = value.abs();
+    if size <= K { size * size } else { K * (2.0 * size - K) }
+}
+
+/// How much a row of a residual counts.
+pub fn weight(value: f64) -> f64 {
+    let size = value.abs();
+    if size <= K { 1.0 } else { K / size }
+}
+
+/// Sum of `ρ` over a residual.
+pub fn cost(residual: &Residual) -> f64 {
+    residual.iter().flatten().map(|value| rho(*value)).sum()
+}
+
+/// What a model leaves of all runs that have rows of a part, in their order.
+pub fn residuals(problem: &Problem<'_>, model: &Model, part: Part) -> Vec<Residual> {
+    problem.places(part).into_par_iter().map(|place| problem.residual(place, model, part)).collect()
+}
+
+/// Sum of `ρ` of a model over a part of all runs.
+pub fn cost_of(problem: &Problem<'_>, model: &Model, part: Part) -> f64 {
+    residuals(problem, model, part).iter().map(cost).sum()
+}
+
+/// What one coordinate changes of what is left of a run; nothing where it is at its end.
+pub type Column = Option<Arc<Residual>>;
+
+/// A run at a model.
+#[derive(Clone, Debug)]
+pub struct LinearRun {
+    /// What the model leaves of it.
+    pub residual: Residual,
+    /// By coordinate.
+    pub columns: Vec<Column>,
+}
+
+/// A model with its derivatives.
+#[derive(Clone, Debug)]
+pub struct Linear {
+    /// The model.
+    pub model: Model,
+    /// The runs it is fitted to, in the order of their places.
+    pub runs: Vec<LinearRun>,
+}
+
+impl Linear {
+    /// Of a model that leaves these residuals. The columns of coordinates that `known` has are taken from there.
+    pub fn new(problem: &Problem<'_>, model: &Model, left: Vec<Residual>, known: Option<&Self>) -> Self {
+        let coordinates = model.coordinates();
+        let shared = known.map_or(0, |known| known.model.coordinate_count());
+        let of = |(run, (place, residual)): (usize, (usize, Residual))| {
+            let column = |coordinate: usize| match known {
+                Some(known) if coordinate < shared => known.runs[run].columns[coordinate].clone(),
+                _ => column(problem, model, &coordinates, place, &residual, coordinate).map(Arc::new),
+            };
+            let columns = (0..coordinates.len()).into_par_iter().map(column).collect();
+            LinearRun { residual, columns }
+        };
+        let places = problem.places(Part::Fit).into_par_iter().zip(left);
+        Self { model: model.clone(), runs: places.enumerate().map(of).collect() }
+    }
+
+    /// Their sums over all runs; blocks are of so many rows.
+    pub fn normal(&self, block: usize) -> Normal {
+        let count = self.model.coordinate_count();
+        let one = |run: &LinearRun| {
+            let columns: Vec<Option<&Residual>> = run.columns.iter().map(Option::as_deref).collect();
+            Normal::of(&run.residual, &columns, block)
+        };
+        self.runs.par_iter().map(one).reduce(|| Normal::zero(count), Normal::plus)
+    }
+}
+
+fn column(
+    problem: &Problem<'_>,
+    model: &Model,
+    coordinates: &[f64],
+    place: usize,
+    residual: &Residual,
+    coordinate: usize,
+) -> Option<Residual> {
+    if !model.is_free(coordinate) {
+        return None;
+    }
+    // Away from a bound where one is near.
+    [STEP, -STEP].into_iter().find_map(|by| {
+        let mut moved = coordinates.to_vec();
+        moved[coordinate] += by;
+        let other = model.at(&moved);
+        let step = other.coordinates()[coordinate] - coordinates[coordinate];
+        if (step / by - 1.0).abs() > 0.5 {
+            return None;
+        }
+        let mut column = problem.residual(place, &other, Part::Fit);
+        for (column, residual) in column.iter_mut().zip(residual) {
+            for (value, here) in column.iter_mut().zip(residual) {
+                *value = (*value - here) / step;
+            }
+        }
+        Some(column)
+    })
+}
+
+/// Normal equations.
+#[derive(Clone, Debug)]
+pub struct Normal {
+    /// Second derivatives of half the cost, by coordinates.
+    pub curvature: DMatrix<f64>,
+    /// First derivatives of half the cost.
+    pub slope: DVector<f64>,
+    /// Variance of the slope, from block to block.
+    pub spread: DMatrix<f64>,
+    /// Sum of `ρ`.
+    pub cost: f64,
+}
+
+impl Normal {
+    fn zero(count: usize) -> Self {
+        let zeros = || DMatrix::zeros(count, count);
+        Self { curvature: zeros(), slope: DVector::zeros(count), spread: zeros(), cost: 0.0 }
+    }
+
+    fn plus(mut self, other: Self) -> Self {
+        self.curvature += other.curvature;
+        self.slope += other.slope;
+        self.spread += other.spread;
+        self.cost += other.cost;
+        self
+    }
+
+    /// Of one run.
+    pub fn of(residual: &Residual, columns: &[Option<&Residual>], block: usize) -> Self {
+        let count = columns.len();
+        let mut sum = Self { cost: cost(residual), ..Self::zero(count) };
+        let blocks = residual.iter().map(Vec::len).max().unwrap_or(0).div_ceil(block);
+        let mut slopes = DMatrix::zeros(count, blocks);
+        for (signal, rows) in residual.iter().enumerate() {
+            let weights: Vec<f64> = rows.iter().map(|value| weight(*value)).collect();
+            for i in 0..count {
+                let Some(a) = &columns[i] else { continue };
+                let weighed: Vec<f64> = a[signal].iter().zip(&weights).map(|(a, w)| a * w).collect();
+                for (number, (weighed, rows)) in weighed.chunks(block).zip(rows.chunks(block)).enumerate() {
+                    slopes[(i, number)] += dot(weighed, rows);
+                }
+                for (j, b) in columns.iter().enumerate().take(i + 1) {
+                    let Some(b) = b else { continue };
+                    let entry = dot(&weighed, &b[signal]);
+                    sum.curvature[(i, j)] += entry;
+                    if i != j {
+                        sum.curvature[(j, i)] += entry;
+                    }
+                }
+            }
+        }
+        sum.slope = slopes.column_sum();
+        sum.spread = &slopes * slopes.transpose();
+        sum
+    }
+
+    /// The same with what is believed of each coordinate beforehand.
+    #[must_use]
+    pub fn with_beliefs(mut self, model: &Model) -> Self {
+        let (at, expected, sureness) = (model.coordinates(), model.expected(), model.sureness());
+        for (place, ((at, expected), sure)) in at.iter().zip(expected).zip(sureness).enumerate() {
+            self.curvature[(place, place)] += sure.powi(-2);
+            self.spread[(place, place)] += sure.powi(-2);
+            self.slope[place] += (at - expected) * sure.powi(-2);
+        }
+        self
+    }
+
+    /// Covariance of the coordinates at the minimum, of rows that depend on each other within a block as much as they
+    /// do; nothing where the curvature is none.
+    pub fn covariance(&self) -> Option<DMatrix<f64>> {
+        let inverse = regular(&self.curvature)?;
+        let found = &inverse * &self.spread * &inverse;
+        // A few blocks may agree by chance: never surer than independent rows of noise would be.
+        let mut covariance = inverse.clone();
+        for place in 0..covariance.nrows() {
+            let by = (found[(place, place)] / inverse[(place, place)]).max(1.0).sqrt();
+            for other in 0..covariance.ncols() {
+                covariance[(place, other)] *= by;
+                covariance[(other, place)] *= by;
+            }
+        }
+        Some(covariance)
+    }
+}
+
+/// The inverse of a curvature in which some coordinates may do nothing.
+fn regular(curvature: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+    let mut curvature = curvature.clone();
+    for place in 0..curvature.nrows() {
+        curvature[(place, place)] += 1e-9;
+    }
+    curvature.cholesky().map(|cholesky| cholesky.inverse())
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A hundred blocks of ten rows that all say the same, half of them up and half of them down.
+    fn in_blocks() -> Residual {
+        vec![(0..1_000).map(|row| if (row / 10) % 2 == 0 { 1.0 } else { -1.0 }).collect()]
+    }
+
+    #[test]
+    fn rows_that_agree_within_a_block_make_nothing_surer() {
+        let column: Residual = vec![vec![1.0; 1_000]];
+        let variance = |block: usize| {
+            Normal::of(&in_blocks(), &[Some(&column)], block).covariance().expect("it is regular")[(0, 0)]
+        };
+        // The mean of a hundred values of variance 1; taken as a thousand, ten times as sure.
+        assert!((variance(10) - 0.01).abs() < 1e-6, "{}", variance(10));
+        assert!((variance(1) - 0.001).abs() < 1e-6, "{}", variance(1));
+    }
+
+    #[test]
+    fn a_coordinate_without_a_column_changes_nothing_of_the_others() {
+        let column: Residual = vec![(0..1_000).map(f64::from).collect()];
+        let alone = Normal::of(&in_blocks(), &[Some(&column)], 10);
+        let beside = Normal::of(&in_blocks(), &[Some(&column), None], 10);
+        assert_eq!(alone.slope[0], beside.slope[0]);
+        assert_eq!(alone.curvature[(0, 0)], beside.curvature[(0, 0)]);
+        assert_eq!(beside.curvature[(1, 1)], 0.0);
+    }
+
+    #[test]
+    fn rows_far_off_count_by_their_size() {
+        let column: Residual = vec![vec![1.0; 2]];
+        let slope = |far: f64| Normal::of(&vec![vec![0.0, far]], &[Some(&column)], 10).slope[0];
+        assert_eq!([slope(2.0), slope(4.0), slope(40.0)], [2.0, 4.0, 4.0]);
+    }
+}

@@ -1,0 +1,160 @@
+//! Where a command comes again: in the laps of a run, and in runs of the same command.
+//!
+//! A lap need not be a whole number of rows.
+//! Invariant: what was measured takes no part.
+
+use super::runs::{Run, span};
+
+/// Shortest lap, s.
+const LAP_MIN_S: f64 = 0.5;
+/// Two passes of a command are the same within this share of its span.
+const SAME_SHARE: f64 = 2e-4;
+/// What was different before a repeat fades for so long, s, and it must then go on for so long to tell the noise.
+const FADE_S: f64 = 1.0;
+const REPEAT_MIN_S: f64 = 0.5;
+/// Rows of a run that were commanded like rows of it, or of another run, before: `later = earlier + shift`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Repeat {
+    /// Index of the run of the earlier pass, and of the later.
+    pub runs: [usize; 2],
+    /// Distance in rows; not whole for most laps.
+    pub shift: f64,
+    /// First and last row of the earlier pass that has a later one.
+    pub rows: [usize; 2],
+}
+
+/// The repeats in and between runs.
+pub fn repeats(runs: &[Run]) -> Vec<Repeat> {
+    let mut found = Vec::new();
+    for (index, run) in runs.iter().enumerate() {
+        found.extend(laps(index, run));
+        for (other, twin) in runs.iter().enumerate().skip(index + 1) {
+            if is_same_command(run, twin) {
+                let rows = [(FADE_S / run.period_s) as usize, run.len().min(twin.len()) - 1];
+                if rows[1] <= rows[0] {
+                    continue;
+                }
+                found.push(Repeat { runs: [index, other], shift: 0.0, rows });
+            }
+        }
+    }
+    found
+}
+
+fn is_same_command(run: &Run, twin: &Run) -> bool {
+    let rows = run.len().min(twin.len());
+    let is_long = run.len().abs_diff(twin.len()) * 50 < rows;
+    let span_m = span_m(run);
+    is_long
+        && run.axes.iter().all(|(id, axis)| {
+            twin.axes.get(id).is_some_and(|other| {
+                (0..rows)
+                    .all(|row| (axis.setpoint_m[row] - other.setpoint_m[row]).abs() <= SAME_SHARE * span_m)
+            })
+        })
+}
+
+fn span_m(run: &Run) -> f64 {
+    run.axes.values().map(|axis| span(&axis.setpoint_m)).fold(0.0, f64::max)
+}
+
+/// The first lag at which all setpoints of a run come again, with the longest stretch of rows for which they do.
+fn laps(index: usize, run: &Run) -> Option<Repeat> {
+    let rows = run.len();
+    let least = (LAP_MIN_S / run.period_s) as usize;
+    let fade = (FADE_S / run.period_s) as usize;
+    let repeat_min = fade + (REPEAT_MIN_S / run.period_s) as usize;
+    let span_m = span_m(run);
+    if rows <= least + repeat_min || span_m == 0.0 {
+        return None;
+    }
+    // Where the setpoint of the middle comes again, coarsely; then how well, and for how long.
+    let columns: Vec<&[f64]> = run.axes.values().map(|axis| axis.setpoint_m.as_slice()).collect();
+    let off = |row: usize, shift: f64| {
+        columns.iter().map(|column| (at(column, row as f64 + shift) - column[row]).abs()).fold(0.0, f64::max)
+    };
+    let probes = |lag: usize| -> f64 {
+        let last = rows - lag;
+        let count = 24.min(last);
+        let from = |probe: usize| (probe * last) / count;
+        let mut offs: Vec<f64> = (0..count).map(|probe| off(from(probe), lag as f64)).collect();
+        offs.sort_by(f64::total_cmp);
+        // Most of the probes: run-in and run-out do not repeat.
+        offs[(count * 6) / 10]
+    };
+    let step = 4;
+    let lags: Vec<(usize, f64)> =
+        (least..rows - repeat_min).step_by(step).map(|lag| (lag, probes(lag))).collect();
+    let is_low = |place: usize| {
+        let here = lags[place].1;
+        here < 0.01 * span_m
+            && (place == 0 || lags[place - 1].1 >= here)
+            && (place + 1 == lags.len() || lags[place + 1].1 >= here)
+    };
+    for place in (0..lags.len()).filter(|place| is_low(*place)) {
+        let shift = refined(lags[place].0 as f64, step as f64, |shift| {
+            let last = (rows as f64 - shift) as usize;
+            let mut offs: Vec<f64> =
+                (0..last).step_by((last / 200).max(1)).map(|row| off(row, shift)).collect();
+            offs.sort_by(f64::total_cmp);
+            offs[(offs.len() * 6) / 10]
+        });
+        let Some(stretch) =
+            longest(rows - shift.ceil() as usize, |row| off(row, shift) <= SAME_SHARE * span_m)
+        else {
+            continue;
+        };
+        if stretch[1] - stretch[0] >= repeat_min {
+            let moves = columns.iter().any(|column| {
+                let part = &column[stretch[0]..stretch[1]];
+                part.iter().any(|value| (value - part[0]).abs() > 0.01 * span_m)
+            });
+            if moves {
+                return Some(Repeat { runs: [index, index], shift, rows: [stretch[0] + fade, stretch[1]] });
+            }
+        }
+    }
+    None
+}
+
+/// The lag near `from` at which `off` is least, by golden section.
+fn refined(from: f64, reach: f64, off: impl Fn(f64) -> f64) -> f64 {
+    let (mut low, mut high) = (from - reach, from + reach);
+    let ratio = 0.618_033_988_749_894_9;
+    while high - low > 1e-4 {
+        let (a, b) = (high - ratio * (high - low), low + ratio * (high - low));
+        if off(a) < off(b) { high = b } else { low = a }
+    }
+    let lag = 0.5 * (low + high);
+    // A lap of whole rows is one of whole rows.
+    if (lag - lag.round()).abs() < 2e-3 && off(lag.round()) <= off(lag) * 1.01 { lag.round() } else { lag }
+}
+
+fn longest(rows: usize, is_same: impl Fn(usize) -> bool) -> Option<[usize; 2]> {
+    let (mut best, mut from): (Option<[usize; 2]>, Option<usize>) = (None, None);
+    for row in 0..=rows {
+        let same = row < rows && is_same(row);
+        match (same, from) {
+            (true, None) => from = Some(row),
+            (false, Some(begin)) => {
+                if best.is_none_or(|[low, high]| row - begin > high - low) {
+                    best = Some([begin, row]);
+                }
+                from = None;
+            }
+            (true, Some(_)) | (false, None) => {}
+        }
+    }
+    best
+}
+
+/// A column between its rows.
+pub(super) fn at(column: &[f64], row: f64) -> f64 {
+    let low = row.floor() as usize;
+    let share = row - low as f64;
+    match (column.get(low), column.get(low + 1)) {
+        (Some(a), Some(b)) => a + share * (b - a),
+        (Some(a), None) => *a,
+        (None, _) => f64::NAN,
+    }
+}
