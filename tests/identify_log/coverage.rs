@@ -66,7 +66,11 @@ fn intervals_contain_the_truth_as_often_as_they_say() {
                 } else {
                     (estimate.value, low, high)
                 };
-                row.inside[0] += usize::from((low..=high).contains(&truth));
+                let is_inside = (low..=high).contains(&truth);
+                row.inside[0] += usize::from(is_inside);
+                if !is_inside {
+                    println!("log {seed}, axis {axis}: {name} {low} to {high}, truth {truth}");
+                }
                 let unit = if truth == 0.0 { 1.0 } else { truth };
                 row.errors.push((value - truth) / unit);
                 row.halves.push(0.5 * (high - low) / unit);

@@ -49,7 +49,7 @@ fn of_ramp(
     let piece = &measured.pieces[ramp.piece];
     let last = ramp.rows.end - 1;
     let way = piece.setpoint_m_per_s[last].signum();
-    let factor = ripple.factor(piece.position_m[last], way, model.friction.sliding.as_n());
+    let factor = ripple.factor(piece.position_m[last], way);
     let model = Model { friction: model.friction.scaled(factor), ..*model };
     let comparison = Comparison::new(measured, ramp, Start::Standing)?;
     let pull: Vec<f64> = comparison.measured_n().iter().map(|force| way * (force - offset_n)).collect();

@@ -48,6 +48,13 @@ pub struct Model {
     pub friction: friction::Parameters,
 }
 
+impl Model {
+    /// All that moves, kg at the table.
+    pub const fn moving_kg(&self) -> f64 {
+        self.motor_kg + self.mechanics.mass_kg
+    }
+}
+
 /// One stretch, ready to be compared.
 #[derive(Clone, Debug)]
 pub struct Comparison {
@@ -122,7 +129,7 @@ impl Comparison {
     /// ends of a reversal tells by how much.
     pub fn here(&self, model: &Model) -> Model {
         let rows = ((ENDS_S / self.period.as_s()) as usize).clamp(1, self.compared / 2);
-        let moving_kg = model.motor_kg + model.mechanics.mass_kg;
+        let moving_kg = model.moving_kg();
         let mean = |first: usize, of: &dyn Fn(usize) -> f64| {
             (first..first + rows).map(of).sum::<f64>() / rows as f64
         };

@@ -29,8 +29,8 @@ fn mass_kg(measured: &Measured, stretch: &Stretch, ripple: &Ripple) -> Option<f6
             .map(|rows| rows.iter().map(|row| of(*row)).sum::<f64>() / block as f64)
             .collect()
     };
-    let way = piece.velocity_m_per_s[stretch.rows.start];
-    let force_n = averaged(&|row| piece.force_n[row] - ripple.force_n(piece.position_m[row], way));
+    let ripple_n = |row: usize| ripple.force_n(piece.position_m[row], piece.velocity_m_per_s[row]);
+    let force_n = averaged(&|row| piece.force_n[row] - ripple_n(row));
     let columns = [
         averaged(&|row| piece.acceleration_m_per_s2[row]),
         averaged(&|row| piece.velocity_m_per_s[row]),

@@ -154,8 +154,7 @@ fn factor(
     let law = Law::new(plant.friction);
     let moving_kg = plant.mechanics.motor_mass_kg() + plant.mechanics.mass_kg;
     let before = piece.velocity_m_per_s[start].signum();
-    let of_ripple =
-        |row: usize, way: f64| ripple.factor(piece.position_m[row], way, plant.friction.sliding.as_n());
+    let of_ripple = |row: usize, way: f64| ripple.factor(piece.position_m[row], way);
     let found_n = |row: usize| asked_n(row) - before * moving_kg * piece.acceleration_m_per_s2[row];
     let believed_n = |row: usize| {
         let velocity = Velocity::m_per_s(piece.velocity_m_per_s[row]);

@@ -158,6 +158,7 @@ impl<'a> Work<'a> {
             torque_constant: 0.01 * settings.torque_constant_tolerance_percent / OF_95,
             ..Uncertainty::default()
         };
+        let ripple = Ripple::of(&measured, &stretches.steady, &model);
         Ok(Self {
             measured,
             stretches,
@@ -165,7 +166,7 @@ impl<'a> Work<'a> {
             settings,
             model,
             offset_n: 0.0,
-            ripple: Ripple::default(),
+            ripple,
             actuator: axis.plant.actuator,
             uncertainty,
         })
@@ -176,14 +177,18 @@ impl<'a> Work<'a> {
         let mut put = |name: &str, finding: Finding| {
             findings.insert(name.to_owned(), finding);
         };
-        self.ripple = Ripple::of(&self.measured, &self.stretches.steady, self.model.mechanics.lead_m);
-        let (moving, inertia) = self.inertia();
-        put("moving_mass", moving);
-        put("total_inertia", inertia);
-        let mass_kg = self.model.motor_kg + self.model.mechanics.mass_kg;
-        let points = steady::points(&self.measured, &self.stretches.steady, mass_kg, &self.ripple);
-        let mut sliding = steady::fit(&points, SLIDES_MM_PER_S * 1e-3).ok();
-        self.take(sliding.as_ref());
+        let (mut points, mut sliding) = (Vec::new(), None);
+        // Twice: a ripple is a share of friction, and found less what the mass does.
+        for _ in 0..2 {
+            let (moving, inertia) = self.inertia();
+            put("moving_mass", moving);
+            put("total_inertia", inertia);
+            let (steady, moving_kg) = (&self.stretches.steady, self.model.moving_kg());
+            points = steady::points(&self.measured, steady, moving_kg, &self.ripple);
+            sliding = steady::fit(&points, SLIDES_MM_PER_S * 1e-3).ok();
+            self.take(sliding.as_ref());
+            self.ripple = Ripple::of(&self.measured, &self.stretches.steady, &self.model);
+        }
         put("stiffness", self.stiffness());
         let [lag, dead] = current_loop::findings(&self.measured, &self.stretches, self.axis);
         self.take_current_loop([&lag, &dead]);
