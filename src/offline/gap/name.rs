@@ -119,13 +119,11 @@ impl NamedEffect {
     pub fn members(&self) -> impl Iterator<Item = &'static str> {
         self.class.iter().map(|(candidate, _)| candidate.name())
     }
-}
 
-impl NamedEffect {
     /// What an axis must do to tell it from the others of its class; nothing where it is alone, or where no log tells
     /// them apart.
     pub fn told_apart_by(&self) -> Option<Experiment> {
-        let mut others = self.class.iter().map(|(other, _)| other.name());
+        let mut others = self.members();
         let open = others.find(|other| *other != self.name && !is_alias(self.name, other))?;
         Some(entry(open)?.experiment)
     }
@@ -163,7 +161,7 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
             class.iter().map(|one| (0.5 * (one.evidence - best.evidence) / margin).exp()).collect();
         let all: f64 = weights.iter().sum();
         let class = class.into_iter().zip(weights.iter().map(|weight| weight / all)).collect();
-        model = fit(problem, &best.fitted.model, ITERATIONS[1], None);
+        model = refitted(problem, &best.fitted.model, start);
         blocks = Blocks::new(problem, &model.model);
         effects.push(NamedEffect { name: best.name(), class, runner_up });
     }
@@ -185,6 +183,17 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
     }
     let [base_held, held] = [base_blocks, blocks].map(|blocks| blocks.cost());
     Named { base, base_held, model, held, effects, refused, rows }
+}
+
+/// A model with what was named, fitted anew. The base that was fitted without it may have taken its place, in a valley
+/// of its own, so it also begins from the base of the file.
+fn refitted(problem: &Problem<'_>, named: &Model, start: &Model) -> Fitted {
+    let of_file = Model { base: start.base, ..named.clone() };
+    let (one, other) = rayon::join(
+        || fit(problem, named, ITERATIONS[1], None),
+        || fit(problem, &of_file, ITERATIONS[0], None),
+    );
+    if other.total < one.total { other } else { one }
 }
 
 /// What is left per row; a floor that counts what an encoder hides twice is too high, but not by more.
