@@ -146,7 +146,8 @@ fn forces_of_friction_and_load_show_in_the_current() {
     changes(&named(Kind::DirectionAsymmetry, 0.3), SPEED, Force, 0.05, |at, size| {
         0.01 * size * at.friction() * at.direction()
     });
-    changes(&named(Kind::ConstantForce, 0.3), SPEED, Force, 0.05, |_, size| size);
+    // Told along the travel, so the drive pushes against it.
+    changes(&named(Kind::ConstantForce, 0.3), SPEED, Force, 0.05, |_, size| -size);
     changes(&named(Kind::SpringLoad, 0.3), SPEED, Force, 0.05, |at, _| {
         let train = &at.features[0].train;
         train.spring * (at.place - train.spring_centre)
