@@ -9,7 +9,7 @@ use quadrant::base::units::Position;
 use quadrant::config::{self, Machine};
 use quadrant::offline::gap::demo::circles;
 use quadrant::offline::gap::forward::{Course, SETTLE_S, Signals, without_counts};
-use quadrant::offline::gap::intake;
+use quadrant::offline::gap::logged;
 use quadrant::offline::gap::runs::RunError;
 use quadrant::offline::simulated;
 use quadrant::offline::trace::{Trace, Tracing};
@@ -30,7 +30,7 @@ fn logged(machine: &Machine) -> Trace {
 fn a_log_is_what_its_machine_makes_of_the_command() {
     let machine = config::load("paper").expect("a machine");
     let trace = logged(&machine);
-    let intake = intake::of_trace("log", &trace, &machine).expect("runs");
+    let intake = logged::of_trace("log", &trace, &machine).expect("runs");
     let [run] = intake.runs.as_slice() else { panic!("{} runs", intake.runs.len()) };
     assert!(run.len() < trace.len(), "with the rows without current: {} of {}", run.len(), trace.len());
     for (id, measured) in &run.axes {
@@ -58,12 +58,12 @@ fn rows_without_current_or_under_excitation_part_a_log() {
     for row in middle..middle + 10 {
         trace.axes[AxisId::Y.index()].excitation_m_per_s[row] = 1e-3;
     }
-    let intake = intake::of_trace("log", &trace, &machine).expect("runs");
+    let intake = logged::of_trace("log", &trace, &machine).expect("runs");
     let names: Vec<&str> = intake.runs.iter().map(|run| run.name.as_str()).collect();
     assert_eq!(names, ["log, stretch 1", "log, stretch 2"]);
     for axis in &mut trace.axes {
         axis.mode.fill(quadrant::base::record::ModeTag::Off);
     }
-    let refused = intake::of_trace("log", &trace, &machine).expect_err("a refusal");
+    let refused = logged::of_trace("log", &trace, &machine).expect_err("a refusal");
     assert!(matches!(refused, RunError::TooShort { .. }), "{refused}");
 }

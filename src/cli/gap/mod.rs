@@ -19,9 +19,9 @@ use crate::config::{self, Machine};
 use crate::log::Reader;
 use crate::log::header::rfc3339;
 use crate::offline::gap::analysis::{Analysis, Request, analyse};
-use crate::offline::gap::intake;
 use crate::offline::gap::runs::Intake;
 use crate::offline::gap::write_back::{self, Origin};
+use crate::offline::gap::{intake, logged};
 use crate::offline::identify::foreign::Raw;
 use crate::offline::report;
 use crate::offline::trace::Trace;
@@ -190,7 +190,7 @@ fn read(path: &Path, map: Option<&str>, machine: &Machine) -> anyhow::Result<Int
         let records: Vec<_> =
             reader.by_ref().collect::<Result<_, _>>().with_context(|| path.display().to_string())?;
         let trace = Trace::from_records(&records).with_context(|| path.display().to_string())?;
-        return Ok(intake::of_trace(&name, &trace, machine)?);
+        return Ok(logged::of_trace(&name, &trace, machine)?);
     }
     let file = File::open(path).with_context(|| format!("cannot read {}", path.display()))?;
     let raw = Raw::read(map, file).with_context(|| path.display().to_string())?;

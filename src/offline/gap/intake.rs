@@ -1,8 +1,8 @@
 //! Data, looked at before they are believed.
 //!
 //! ```text
-//!   MCAP ──► Trace ─┐
-//!   CSV ──► Raw ────┴► time ──► gaps ──► numbers ──► units and signs ──► Runs, and what was repaired
+//!   MCAP ──► logged ─┐
+//!   CSV ──► Raw ─────┴► time ──► gaps ──► numbers ──► units and signs ──► Runs, and what was repaired
 //! ```
 //!
 //! Little that is wrong is repaired and said: a few rows that are missing, repeated or no numbers; a unit or a sign
@@ -10,15 +10,12 @@
 //! Invariant: nothing is repaired without a word.
 
 use std::collections::BTreeMap;
-use std::ops::Range;
 
 use super::grid::{Grid, REPAIRED_SHARE_MAX};
 use super::runs::{AxisRun, Intake, Run, RunError, span};
 use crate::base::axis::AxisId;
-use crate::base::record::ModeTag;
 use crate::config::Machine;
 use crate::offline::identify::foreign::{Effort, ForeignAxis, Raw};
-use crate::offline::trace::Trace;
 
 /// Shortest run that is looked at, s.
 pub(super) const SHORTEST_S: f64 = 1.0;
@@ -42,7 +39,7 @@ pub fn of_raw(name: &str, raw: Raw, machine: &Machine) -> Result<Intake, RunErro
 }
 
 /// The runs between long gaps, in whatever unit they are.
-fn pieces(name: &str, raw: Raw, machine: &Machine) -> Result<Intake, RunError> {
+pub(super) fn pieces(name: &str, raw: Raw, machine: &Machine) -> Result<Intake, RunError> {
     let mut repaired = Vec::new();
     let mut axes = BTreeMap::new();
     for (axis, columns) in raw.axes {
@@ -75,74 +72,6 @@ fn pieces(name: &str, raw: Raw, machine: &Machine) -> Result<Intake, RunError> {
         }
     }
     Ok(Intake { runs, repaired })
-}
-
-/// The runs of a log: the stretches in which the loops of all axes acted, and nothing but their setpoints moved them.
-///
-/// # Errors
-/// As [`of_raw`].
-pub fn of_trace(name: &str, trace: &Trace, machine: &Machine) -> Result<Intake, RunError> {
-    let stretches = in_loop(trace);
-    let length_s = |rows: &Range<usize>| rows.len() as f64 * trace.period_s;
-    let long: Vec<_> = stretches.iter().filter(|rows| length_s(rows) >= SHORTEST_S).collect();
-    if long.is_empty() {
-        let length_s = stretches.iter().map(length_s).fold(0.0, f64::max);
-        return Err(RunError::TooShort { run: name.to_owned(), length_s });
-    }
-    let mut all = Intake::default();
-    for (number, rows) in long.iter().enumerate() {
-        let part = if long.len() == 1 { name.to_owned() } else { format!("{name}, stretch {}", number + 1) };
-        // What a log of ours is in needs no guess.
-        match pieces(&part, raw_of(trace, rows, machine), machine) {
-            Ok(intake) => all.extend(intake),
-            // It was held, and moved in another.
-            Err(RunError::Standing { .. }) if long.len() > 1 => {
-                all.repaired.push(format!("{part}: left out, no axis was asked to move"));
-            }
-            Err(error) => return Err(error),
-        }
-    }
-    Ok(all)
-}
-
-/// Rows of a log between those in which an axis was without current, followed another gain set or was excited.
-fn in_loop(trace: &Trace) -> Vec<Range<usize>> {
-    let is_driven = |row: usize| {
-        trace.axes.iter().all(|axis| {
-            matches!(axis.mode[row], ModeTag::Ready | ModeTag::Moving | ModeTag::Stopping)
-                && axis.excitation_m_per_s[row] == 0.0
-        })
-    };
-    let gains = |row: usize| trace.axes.iter().map(move |axis| axis.gain_set[row]);
-    let mut stretches: Vec<Range<usize>> = Vec::new();
-    for row in (0..trace.len()).filter(|row| is_driven(*row)) {
-        match stretches.last_mut().filter(|last| last.end == row && gains(row).eq(gains(row - 1))) {
-            Some(last) => last.end = row + 1,
-            None => stretches.push(row..row + 1),
-        }
-    }
-    stretches
-}
-
-fn raw_of(trace: &Trace, rows: &Range<usize>, machine: &Machine) -> Raw {
-    let of = |column: &[f64]| column[rows.clone()].to_vec();
-    let axes = (machine.axes.axes().zip(&trace.axes)).map(|(id, axis)| {
-        let mut columns = ForeignAxis {
-            setpoint_m: Some(of(&axis.setpoint_position_m)),
-            position_m: of(&axis.motor_position_m),
-            table_m: axis.table_position_m.as_deref().map(of),
-            effort: Effort::Current(of(&axis.current_a)),
-            controller: None,
-        };
-        // A stale sample is that of a cycle before.
-        for (position_m, is_fresh) in columns.position_m.iter_mut().zip(&axis.is_fresh[rows.clone()]) {
-            if !is_fresh {
-                *position_m = f64::NAN;
-            }
-        }
-        (machine.axis_names()[id.index()].clone(), columns)
-    });
-    Raw { time_s: of(&trace.time_s), axes: axes.collect() }
 }
 
 fn columns_of(

@@ -7,11 +7,11 @@
 //!            residuals   coordinate  fits     file    command, before and after
 //! ```
 //!
-//! [`intake`] looks at data before they are believed as [`runs`]; [`floor`] finds the noise in [`repeats`]; [`forward`] runs the
-//! machine file from the command alone and [`controller`] its loops alone; [`fit`] fits a [`model`] in closed loop to
-//! a [`problem`], by its derivatives ([`linear`]); [`locate`] tells where the gap lives; [`shortlist`] and
-//! [`mod@name`] find the effects.
-//! [`write_back`] adds them to the machine file.
+//! [`intake`] looks at data, and [`logged`] at logs, before they are believed as [`runs`]; [`floor`] finds the noise in
+//! [`repeats`]; [`forward`] runs the machine file from the command alone and [`controller`] its loops alone; [`fit`] fits a
+//! [`model`] in closed loop to a [`problem`], by its derivatives ([`linear`]); [`locate`] tells where the gap lives;
+//! [`shortlist`] and [`mod@name`] find the effects; [`write_back`] adds them to the machine file. [`demo`] is a machine
+//! to show it on.
 //! Invariant: what is named was better on rows that no model had seen, and what cannot be told apart is named together.
 
 pub mod analysis;
@@ -25,6 +25,7 @@ mod held;
 pub mod intake;
 pub mod linear;
 pub mod locate;
+pub mod logged;
 pub mod model;
 pub mod name;
 pub mod problem;
