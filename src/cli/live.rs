@@ -1,6 +1,6 @@
 //! Runs a programme: the cycle on its thread, the log on another, and this one shows the progress.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread;
@@ -34,6 +34,20 @@ pub(super) const PATIENCE: Span = Span::ms(2_000);
 /// Now, as a part of a file name.
 pub(super) fn stamp_now() -> String {
     file_stamp(run::wall_now_ns())
+}
+
+/// Where a machine file as it was is kept.
+pub(super) fn beside(path: &Path, stamp: &str) -> PathBuf {
+    let name = path.file_stem().unwrap_or_default().to_string_lossy();
+    path.with_file_name(format!("{name}.before-{stamp}.toml"))
+}
+
+/// The folder that was asked for, or one of this name under `quadrant-out`; it is there.
+pub(super) fn out_folder(asked: Option<&Path>, name: &str) -> anyhow::Result<PathBuf> {
+    let folder = asked.map_or_else(|| Path::new("quadrant-out").join(name), Path::to_owned);
+    std::fs::create_dir_all(&folder)
+        .with_context(|| format!("cannot create the output folder {}", folder.display()))?;
+    Ok(folder)
 }
 
 /// A programme and where it is to run.

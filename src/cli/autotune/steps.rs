@@ -1,12 +1,10 @@
 //! The steps, one after the other; an error ends them, and nothing but the last changes a machine file.
 
-use std::path::PathBuf;
-
 use anyhow::{Context, bail, ensure};
 
 use super::super::circle::live::CircleJob;
 use super::super::identify::experiments;
-use super::super::live::{self, Job, Recorded, outcome_of, with_losses};
+use super::super::live::{self, Job, Recorded, beside, outcome_of, with_losses};
 use super::super::tune::request::least_protrusion;
 use super::super::tune::search;
 use super::super::{Outcome, view};
@@ -210,12 +208,6 @@ fn write(
     told.old_file = (!is_new).then_some(beside);
     told.written = Some(path);
     Ok(())
-}
-
-/// Where the file as it was is kept.
-fn beside(path: &std::path::Path, stamp: &str) -> PathBuf {
-    let name = path.file_stem().unwrap_or_default().to_string_lossy();
-    path.with_file_name(format!("{name}.before-{stamp}.toml"))
 }
 
 fn go(setup: &Setup<'_>) -> anyhow::Result<()> {

@@ -8,10 +8,9 @@ mod report;
 
 use std::path::PathBuf;
 
-use anyhow::Context;
 use clap::{Args, ValueEnum};
 
-use super::live::{outcome_of, stamp_now, stop_wish, with_losses};
+use super::live::{out_folder, outcome_of, stamp_now, stop_wish, with_losses};
 use super::{Outcome, PaceName, machine};
 use crate::base::motion::{Circle, Direction};
 use crate::base::units::{Position, Velocity};
@@ -115,14 +114,10 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let request = arguments.request();
     let test = machine.circle_test(&request)?;
     let stamp = stamp_now();
-    let folder = match &arguments.out {
-        Some(folder) => folder.clone(),
-        None => {
-            PathBuf::from("quadrant-out").join(format!("{}-circle-{}-{}", stamp, machine.name, request.gains))
-        }
-    };
-    std::fs::create_dir_all(&folder)
-        .with_context(|| format!("cannot create the output folder {}", folder.display()))?;
+    let folder = out_folder(
+        arguments.out.as_deref(),
+        &format!("{}-circle-{}-{}", stamp, machine.name, request.gains),
+    )?;
     let log = arguments.log.clone().unwrap_or_else(|| folder.join(format!("circle-{}.mcap", stamp)));
 
     let place =

@@ -5,11 +5,11 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use anyhow::{Context, ensure};
+use anyhow::ensure;
 use clap::Args;
 
 use super::super::circle::live::header;
-use super::super::live::{Job, outcome_of, stamp_now, stop_wish, with_losses};
+use super::super::live::{Job, out_folder, outcome_of, stamp_now, stop_wish, with_losses};
 use super::super::{Outcome, machine};
 use super::{Gap, axis_of, read};
 use crate::config::Machine;
@@ -59,12 +59,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let machine = machine(&arguments.machine)?;
     let hidden = hidden(arguments, &machine)?;
     let plant = hidden.machine(&machine);
-    let folder = arguments
-        .out
-        .clone()
-        .unwrap_or_else(|| PathBuf::from("quadrant-out").join(format!("{}-gap-demo", stamp_now())));
-    std::fs::create_dir_all(&folder)
-        .with_context(|| format!("cannot create the output folder {}", folder.display()))?;
+    let folder = out_folder(arguments.out.as_deref(), &format!("{}-gap-demo", stamp_now()))?;
     let place = Place { pace: Pace::Virtual, interface: None, seed: arguments.seed };
     let stop = stop_wish(&place)?;
     let mut intake = Intake::default();

@@ -11,7 +11,7 @@ use anyhow::{Context, bail};
 use clap::{Args, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
 
-use super::live::stamp_now;
+use super::live::{beside, stamp_now};
 use super::{Outcome, machine, print_json, print_text};
 use crate::base::axis::AxisId;
 use crate::config::edit::MachineFile;
@@ -158,9 +158,7 @@ impl<'m> Gap<'m> {
             eprintln!("nothing was named; {} is not written", path.display());
             return Ok(());
         }
-        let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-        let beside = path.with_file_name(format!("{stem}.before-{}.toml", stamp_now()));
-        file.keep_old(&beside)?;
+        file.keep_old(&beside(path, &stamp_now()))?;
         file.replace()?;
         eprintln!("{} written", path.display());
         Ok(())

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use anyhow::{Context, bail};
 
-use super::super::live::{Job, moves_a_machine, outcome_of, stamp_now, stop_wish, with_losses};
+use super::super::live::{Job, moves_a_machine, out_folder, outcome_of, stamp_now, stop_wish, with_losses};
 use super::super::{Outcome, view};
 use super::{Arguments, logs};
 use crate::base::axis::AxisId;
@@ -100,9 +100,7 @@ fn log_file(arguments: &Arguments, machine: &Machine) -> anyhow::Result<PathBuf>
         return Ok(file.clone());
     }
     let stamp = stamp_now();
-    let folder = PathBuf::from("quadrant-out").join(format!("{stamp}-identify-{}", machine.name));
-    std::fs::create_dir_all(&folder)
-        .with_context(|| format!("cannot create the output folder {}", folder.display()))?;
+    let folder = out_folder(None, &format!("{stamp}-identify-{}", machine.name))?;
     Ok(folder.join(format!("identify-{stamp}.mcap")))
 }
 
