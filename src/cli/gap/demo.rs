@@ -86,6 +86,11 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
 
 fn hidden(arguments: &Arguments, machine: &Machine) -> anyhow::Result<Hidden> {
     let entry = arguments.effect;
+    ensure!(
+        !entry.is_of_control(),
+        "--effect: {} is of the control of a machine; a simulated machine moves under ours, which has none of it",
+        entry.name
+    );
     let mut values = entry.nominal();
     if let Some(amount) = arguments.amount {
         let first = &entry.parameters[0];
