@@ -15,6 +15,7 @@ use crate::log::{Header, Summary};
 use crate::offline::autotune::CircleFigures;
 use crate::offline::check::{MachineReport, Row};
 use crate::offline::circle::{CircularTest, PointAnalysis, Quadrant};
+use crate::offline::gap::plan::Recording;
 use crate::offline::identify::frequency::AxisResponse;
 use crate::offline::identify::plan::{Part, Purpose};
 use crate::offline::identify::{Estimate, Finding, Findings};
@@ -122,6 +123,20 @@ pub(super) fn experiments(parts: &BTreeMap<Purpose, Part>) -> String {
             format!("{:.0} mm", part.way_mm),
             format!("{:.2} mm/s", part.top_speed_mm_per_s),
             format!("{:.0} s", part.duration_s),
+        ]);
+    }
+    rows.to_string()
+}
+
+/// What runs do and show.
+pub(super) fn recordings(runs: &[Recording]) -> String {
+    let mut rows = table(&["run", "motions", "time", "shows"]);
+    for run in runs {
+        rows.add_row([
+            run.name.clone(),
+            run.plan.motions().len().to_string(),
+            format!("{:.0} s", run.plan.duration_s()),
+            run.shows.to_string(),
         ]);
     }
     rows.to_string()

@@ -2,7 +2,9 @@
 //! with it.
 
 mod demo;
+mod plan;
 mod printed;
+mod record;
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -12,8 +14,7 @@ use clap::{Args, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::live::{beside, stamp_now};
-use super::{Outcome, machine, print_json, print_text};
-use crate::base::axis::AxisId;
+use super::{Outcome, axes_of, machine, print_json, print_text};
 use crate::config::edit::MachineFile;
 use crate::config::{self, Machine};
 use crate::log::Reader;
@@ -66,11 +67,14 @@ pub(super) struct Arguments {
 enum Verb {
     /// Hide an effect in a simulated machine, record circles of it, and find it
     Demo(demo::Arguments),
+    /// Record the runs of a machine that show every effect
+    Plan(plan::Arguments),
 }
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     match &arguments.verb {
         Some(Verb::Demo(arguments)) => demo::run(arguments),
+        Some(Verb::Plan(arguments)) => plan::run(arguments),
         None => of_data(arguments),
     }
 }
@@ -83,7 +87,7 @@ fn of_data(arguments: &Arguments) -> anyhow::Result<Outcome> {
         None => None,
     };
     let machine = machine_of(arguments)?;
-    let axes = arguments.axes.iter().map(|name| axis_of(&machine, name)).collect::<anyhow::Result<_>>()?;
+    let axes = axes_of(&machine, &arguments.axes)?;
     let mut intake = Intake::default();
     for path in &arguments.data {
         intake.extend(read(path, map.as_deref(), &machine)?);
@@ -94,14 +98,6 @@ fn of_data(arguments: &Arguments) -> anyhow::Result<Outcome> {
     }
     gap.tell(arguments.report.as_deref(), arguments.json)?;
     Ok(Outcome::Done)
-}
-
-/// The axis of a name.
-fn axis_of(machine: &Machine, name: &str) -> anyhow::Result<AxisId> {
-    let known = machine.axis_names();
-    machine.axes.axes().find(|id| known[id.index()] == name).with_context(|| {
-        format!("no axis \"{name}\" in machine {}; it has {}", machine.name, known.join(", "))
-    })
 }
 
 /// What runs say of a machine.
