@@ -343,7 +343,7 @@ mod tests {
             ("servo-gain-mismatch", [25.0, 0.0, 0.0], 0.8, 0.0),
             ("servo-gain-mismatch", [0.0, 30.0, 0.0], 1.0, 0.0),
             ("command-filter", [10.0, 0.0, 0.0], 1.0, 0.2),
-            ("reversal-compensation", [5.0, 20.0, 0.0], 1.0, 0.0),
+            ("reversal-compensation", [5.0, 20.0, 1.0], 1.0, 0.0),
         ] {
             let [error_mm, current_a, _] = steady(Some((name, values)));
             let expected_mm = factor * as_said_mm + more_mm;

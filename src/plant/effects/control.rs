@@ -2,7 +2,7 @@
 //! show it; our own cycle is what the file says, so no bus and no daemon has any of it.
 //!
 //! ```text
-//!   x_set ──► lag T ──► K_p (1 + p) ──► velocity loop (1 + v) ──► + A sign(v_set) exp(-t / T_A) ──► i_c
+//!   x_set ──► lag T ──► K_p (1 + p) ──► velocity loop (1 + v) ──► + A sign(v_set) exp(-(t / T_A)^n) ──► i_c
 //! ```
 //!
 //! The lag is exact for straight lines between setpoints. The pulse begins in the row in which the command has turned
@@ -27,6 +27,8 @@ pub struct Otherwise {
     pub(super) lag_s: f64,
     pub(super) pulse_a: f64,
     pub(super) decay_s: f64,
+    /// 1: it fades as an exponential; many: it is even, and ends with its time.
+    pub(super) exponent: f64,
 }
 
 /// What it remembers from row to row.
@@ -42,8 +44,14 @@ pub struct Remembered {
 
 impl Otherwise {
     /// As the machine file says.
-    pub const NOTHING: Self =
-        Self { position_gain: 1.0, velocity_gain: 1.0, lag_s: 0.0, pulse_a: 0.0, decay_s: 1.0 };
+    pub const NOTHING: Self = Self {
+        position_gain: 1.0,
+        velocity_gain: 1.0,
+        lag_s: 0.0,
+        pulse_a: 0.0,
+        decay_s: 1.0,
+        exponent: 1.0,
+    };
 
     /// The setpoint that the loops get in the next row.
     pub fn setpoint(&self, remembered: &mut Remembered, setpoint: &Setpoint, row: Span) -> Setpoint {
@@ -83,7 +91,9 @@ impl Otherwise {
         }
         let Some(since_s) = remembered.since_s else { return Current::ZERO };
         remembered.since_s = Some(since_s + row.as_s());
-        Current::a(self.pulse_a * remembered.side * libm::exp(-since_s / self.decay_s))
+        Current::a(
+            self.pulse_a * remembered.side * libm::exp(-libm::pow(since_s / self.decay_s, self.exponent)),
+        )
     }
 }
 
@@ -129,7 +139,7 @@ mod tests {
 
     #[test]
     fn a_pulse_begins_as_the_command_turns_back_and_fades() {
-        let pulse = with("reversal-compensation", [0.5, 20.0, 0.0]);
+        let pulse = with("reversal-compensation", [0.5, 20.0, 1.0]);
         let mut remembered = Remembered::default();
         let mut at = |mm_per_s: f64| {
             let setpoint = Setpoint { velocity: Velocity::mm_per_s(mm_per_s), ..Setpoint::default() };
@@ -141,6 +151,16 @@ mod tests {
         let after: Vec<f64> = (0..40).map(|_| at(-1.0)).collect();
         assert!((after[39] + 0.5 * (-1.0_f64).exp()).abs() < 1e-9, "{} A after 20 ms", after[39]);
         assert_eq!(at(0.1), 0.5, "the other way");
+
+        let even = with("reversal-compensation", [0.5, 20.0, 20.0]);
+        let mut remembered = Remembered::default();
+        let mut at = |mm_per_s: f64| {
+            let setpoint = Setpoint { velocity: Velocity::mm_per_s(mm_per_s), ..Setpoint::default() };
+            even.current(&mut remembered, &setpoint, ROW).as_a()
+        };
+        let after: Vec<f64> = [1.0].into_iter().chain([-1.0; 60]).map(&mut at).collect();
+        assert!(after[1..30].iter().all(|a| (a + 0.5).abs() < 2e-3), "{after:?}");
+        assert!(after[50..].iter().all(|a| a.abs() < 2e-3), "{after:?}");
     }
 
     #[test]

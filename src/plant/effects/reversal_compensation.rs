@@ -1,5 +1,5 @@
 //! Reversal compensation: a control that pushes by itself once its command has turned back, as many do against
-//! the quadrant glitch, and nobody told. The measured current shows it.
+//! the quadrant glitch, and nobody told. The measured current shows it. With a large exponent the push is even.
 //!
 //! Invariant: nothing before the first reversal.
 
@@ -9,10 +9,11 @@ use super::hooks::Action;
 pub(super) const ENTRY: Entry = Entry {
     name: "reversal-compensation",
     summary: "a control that pushes by itself after a reversal of its command",
-    equation: "i_c + A sign(v_set) exp(-t / T)",
+    equation: "i_c + A sign(v_set) exp(-(t / T)^n)",
     parameters: &[
         Parameter::new("current-a", "A", [-100.0, 100.0], 0.5, 0.5),
         Parameter::new("decay-ms", "ms", [1.0, 1_000.0], 20.0, 20.0),
+        Parameter::new("exponent", "", [0.5, 20.0], 1.0, 2.0),
     ],
     coordinate: Coordinate::TimeSinceReversal,
     experiment: Experiment::Circles,
@@ -20,5 +21,6 @@ pub(super) const ENTRY: Entry = Entry {
     action: Action::Control(|values, otherwise| {
         otherwise.pulse_a = values[0];
         otherwise.decay_s = 1e-3 * values[1];
+        otherwise.exponent = values[2];
     }),
 };
