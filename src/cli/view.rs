@@ -15,7 +15,6 @@ use crate::log::{Header, Summary};
 use crate::offline::autotune::CircleFigures;
 use crate::offline::check::{MachineReport, Row};
 use crate::offline::circle::{CircularTest, PointAnalysis, Quadrant};
-use crate::offline::gap::plan::Recording;
 use crate::offline::identify::frequency::AxisResponse;
 use crate::offline::identify::plan::{Part, Purpose};
 use crate::offline::identify::{Estimate, Finding, Findings};
@@ -24,7 +23,7 @@ use crate::offline::tune::Judged;
 use crate::rt::cycle::procedure::Programme;
 
 /// A table with a left-hand column of names and right-aligned numbers.
-fn table(heads: &[&str]) -> Table {
+pub(super) fn table(heads: &[&str]) -> Table {
     let mut table = Table::new();
     table.load_style(presets::NOTHING).set_header(heads);
     for column in table.column_iter_mut().skip(1) {
@@ -123,20 +122,6 @@ pub(super) fn experiments(parts: &BTreeMap<Purpose, Part>) -> String {
             format!("{:.0} mm", part.way_mm),
             format!("{:.2} mm/s", part.top_speed_mm_per_s),
             format!("{:.0} s", part.duration_s),
-        ]);
-    }
-    rows.to_string()
-}
-
-/// What runs do and show.
-pub(super) fn recordings(runs: &[Recording]) -> String {
-    let mut rows = table(&["run", "motions", "time", "shows"]);
-    for run in runs {
-        rows.add_row([
-            run.name.clone(),
-            run.plan.motions().len().to_string(),
-            format!("{:.0} s", run.plan.duration_s()),
-            run.shows.to_string(),
         ]);
     }
     rows.to_string()

@@ -7,8 +7,8 @@ use anyhow::ensure;
 use clap::Args;
 
 use super::super::live::{out_folder, stamp_now, stop_wish};
-use super::super::{Outcome, axis_of, machine, view};
-use super::record::Recorder;
+use super::super::{Outcome, axis_of, machine};
+use super::record::{Recorder, listed};
 use super::{Gap, read};
 use crate::config::Machine;
 use crate::log::Pace;
@@ -69,7 +69,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     };
     let wanted = plan::Request { gains: arguments.gains.clone(), axes: Vec::new() };
     let recordings = Recordings::of(&machine, &wanted, None)?.only(hidden.entry, hidden.axis);
-    eprintln!("{}", view::recordings(&recordings.runs));
+    eprintln!("{}", listed(&recordings.runs));
     let mut intake = Intake::default();
     for run in &recordings.runs {
         let (log, outcome) = recorder.record(run, &wanted)?;

@@ -9,7 +9,7 @@ use serde::Serialize;
 use super::super::live::{out_folder, stamp_now, stop_wish};
 use super::super::stage::{StageArguments, may_move, whereabouts};
 use super::super::{Outcome, axes_of, print_json, view};
-use super::record::Recorder;
+use super::record::{Recorder, listed};
 use crate::config::Machine;
 use crate::offline::gap::plan::Recordings;
 use crate::offline::identify::plan::Request;
@@ -148,7 +148,7 @@ impl Printed {
 fn say(machine: &Machine, recordings: &Recordings) {
     let all = recordings.programme();
     eprint!("{}{}", view::reach(machine, &all), view::pace_of(&all, recordings.duration_s()));
-    eprintln!("{}", view::recordings(&recordings.runs));
+    eprintln!("{}", listed(&recordings.runs));
     recordings.left_out.iter().for_each(|why| eprintln!("left out: {why}"));
     for (experiment, names) in recordings.unseen_by_experiment() {
         eprintln!("not shown by any of them: {}; needed: {experiment}", names.join(", "));

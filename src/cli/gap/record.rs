@@ -1,12 +1,12 @@
-//! Records runs one after the other, each into a log of its own.
+//! Lists runs, and records them one after the other, each into a log of its own.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use super::super::Outcome;
 use super::super::identify::experiments::header;
 use super::super::live::{Job, outcome_of, with_losses};
+use super::super::{Outcome, view};
 use crate::config::Machine;
 use crate::offline::gap::plan::Recording;
 use crate::offline::identify::plan::Request;
@@ -44,4 +44,18 @@ impl Recorder<'_> {
         let outcome = with_losses(outcome_of(&recorded.ending), &recorded.log, recorded.lost_records);
         Ok((log, outcome))
     }
+}
+
+/// What runs do and show.
+pub(super) fn listed(runs: &[Recording]) -> String {
+    let mut rows = view::table(&["run", "motions", "time", "shows"]);
+    for run in runs {
+        rows.add_row([
+            run.name.clone(),
+            run.plan.motions().len().to_string(),
+            format!("{:.0} s", run.plan.duration_s()),
+            run.shows.to_string(),
+        ]);
+    }
+    rows.to_string()
 }

@@ -14,6 +14,7 @@
 //! anything moves.
 
 pub(in crate::offline) mod draft;
+pub(in crate::offline) mod reversals;
 
 use std::collections::BTreeMap;
 
