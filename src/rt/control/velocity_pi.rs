@@ -45,6 +45,14 @@ pub struct Gains {
 }
 
 impl Gains {
+    /// Whether the integral part does anything.
+    pub const fn has_integral(&self) -> bool {
+        match self.memory {
+            Memory::Integrator { gain_nm_per_rad } => gain_nm_per_rad != 0.0,
+            Memory::Lag { gain_nm_s_per_rad, .. } => gain_nm_s_per_rad != 0.0,
+        }
+    }
+
     /// So many times these.
     #[must_use]
     pub fn scaled(&self, factor: f64) -> Self {
