@@ -8,7 +8,7 @@
 //! | [`Mean`](VelocityEstimate::Mean) | `(x0 - x2) / (2 T)` | `T` | `1 / (√2 T)` = 0.71 / T |
 //!
 //! The delay is that of the answer to a slow motion: a steady acceleration `a` leaves the first
-//! behind by `a T / 2`, the last by `a T` and the second not at all; its error is `T²/3` times the jerk. Noise gain is
+//! behind by `a T / 2`, the last by `a T`, and the second not at all; its error is `T²/3` times the jerk. Noise gain is
 //! the rms of the velocity per rms of white position noise; one count of quantisation in a
 //! position shows as up to `1/T` and `2/T` counts per second.
 //!
