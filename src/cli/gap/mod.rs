@@ -55,9 +55,10 @@ pub(super) struct Arguments {
     /// Write what was named into this file: the machine file itself, whose old text is kept beside it, or a new one
     #[arg(long, value_name = "FILE")]
     write: Option<PathBuf>,
-    /// Write a page with the gap before and after, over the coordinates that it lives on, into this folder
+    /// Put a page with the gap before and after, over the coordinates that it lives on, and all that --json prints into
+    /// this folder
     #[arg(long, value_name = "FOLDER")]
-    report: Option<PathBuf>,
+    out: Option<PathBuf>,
     /// Print one JSON object
     #[arg(long)]
     json: bool,
@@ -96,7 +97,7 @@ fn of_data(arguments: &Arguments) -> anyhow::Result<Outcome> {
     if let Some(path) = &arguments.write {
         gap.write(path)?;
     }
-    gap.tell(arguments.report.as_deref(), arguments.json)?;
+    gap.tell(arguments.out.as_deref(), arguments.json)?;
     Ok(Outcome::Done)
 }
 
@@ -125,15 +126,16 @@ impl<'m> Gap<'m> {
         Ok(Self { machine, analysis: analysis?, intake, origin })
     }
 
-    /// Prints it, with a page in a folder if there is to be one.
-    fn tell(&self, report: Option<&Path>, json: bool) -> anyhow::Result<()> {
+    /// Prints it, and puts it into a folder if there is one.
+    fn tell(&self, out: Option<&Path>, json: bool) -> anyhow::Result<()> {
         let Self { machine, intake, analysis, origin } = self;
         let mut after = MachineFile::create(Path::new("machine.toml"), machine)?;
         let is_changed = write_back::put(&mut after, machine, analysis, origin)?;
         let after = is_changed.then(|| after.text());
         let mut printed = Printed::new(machine, &intake.runs, analysis, intake.repaired.clone(), after);
-        if let Some(folder) = report {
+        if let Some(folder) = out {
             printed.report = Some(report::gap::write(folder, machine, analysis, &printed.rows())?);
+            report::gap::write_json(folder, &serde_json::to_string_pretty(&printed)?)?;
         }
         if json { print_json(&printed) } else { print_text(&printed.text()) }
     }
