@@ -5,7 +5,7 @@
 use super::super::friction::Law;
 use super::super::params::Parameters;
 use super::catalogue::{Effects, Entry, Values};
-use super::hooks::{Action, Bristles, Crossing, Force, Friction, Instant, Memory, Neighbour, Reading};
+use super::hooks::{Action, Bristles, Crossing, Force, Friction, Instant, Memory, Neighbour, Pace, Reading};
 use crate::base::units::{Force as Newtons, Position, Velocity};
 
 /// Forces of an axis that remember something.
@@ -46,6 +46,8 @@ impl Forced {
 #[derive(Debug)]
 pub(in crate::plant) struct Acting {
     effects: Effects,
+    /// How fast the forces change while the table runs.
+    pub(super) pace: Pace,
     pub(super) friction: Vec<Box<dyn Friction>>,
     pub(super) forces: Vec<Forced>,
     pub(super) bristles: Option<Bristles>,
@@ -68,6 +70,7 @@ impl Acting {
     ) -> Self {
         let mut acting = Self {
             effects: axis.effects,
+            pace: Pace::Slow,
             friction: Vec::new(),
             forces: Vec::new(),
             bristles: None,
@@ -93,6 +96,10 @@ impl Acting {
                 Action::NextAxis(make) => acting.next_axis.push(make(values, axis)),
             }
         }
+        acting.pace = match acting.bristles {
+            Some(_) => Pace::Fast,
+            None => acting.forces.iter().map(|forced| forced.force.pace()).max().unwrap_or(Pace::Slow),
+        };
         assert!(memories <= MEMORIES_MAX, "more than {MEMORIES_MAX} forces that remember");
         acting
     }

@@ -159,10 +159,7 @@ impl Acting {
 
 impl Stepping for Acting {
     fn pace(&self) -> Pace {
-        if self.bristles.is_some() {
-            return Pace::Fast;
-        }
-        self.forces.iter().map(|forced| forced.force.pace()).max().unwrap_or(Pace::Slow)
+        self.pace
     }
 
     fn span(&self, body: &mut Body, maps: &StepMaps, command_n: f64) -> bool {
