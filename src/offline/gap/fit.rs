@@ -7,19 +7,48 @@
 //!
 //! A candidate is fitted beside a model that was fitted before with the derivatives that are known of that one: only
 //! its own are computed anew, and what is left always is.
+//!
+//! The landscape is rough: where a model lands on another branch of stick and slip, the cost jumps. So a fine fit begins
+//! with sums of rows, which such events change little, and where it ends it looks along its valley for a deeper place.
 //! Invariant: a fit never ends worse than it began.
 
 use nalgebra::DMatrix;
+use rayon::prelude::*;
 
-use super::linear::{BLOCK_S, Linear, cost, residuals};
+use super::linear::{BLOCK_S, K, Linear, Normal, Steps, cost, cost_of, residuals};
 use super::model::Model;
-use super::problem::{Part, Problem};
+use super::problem::{Part, Problem, Residual};
 use crate::plant::effects::Parameter;
 
-/// Damping at the start, and by how much it falls and grows.
-const DAMPING: (f64, f64) = (1e-3, 6.0);
-/// An iteration that gains less than this share of the cost is the last.
-const ENOUGH: f64 = 1e-4;
+/// Damping at the start, by how much it falls and grows, and how often it may grow before a step is given up.
+const DAMPING: (f64, f64, usize) = (1e-3, 6.0, 6);
+/// No step is further, in coordinates.
+const FURTHEST: f64 = 1.5;
+/// Most steps with the same derivatives, and the share of what the first gained that makes another one worth it.
+const PASSES: usize = 6;
+const WORTH: f64 = 0.1;
+/// By how much the knee of `ρ` comes nearer with each iteration of a fine fit.
+const NEARER: f64 = 3.0;
+/// A coarse fit ends with an iteration that gains less than this share of the cost, a fine one with half a unit of
+/// the logarithm of probability: the cost has two.
+const ENOUGH: (f64, f64) = (1e-4, 1.0);
+/// Less than this is never left per row, in units of the floor: a floor that counts what an encoder hides twice is too
+/// high, but not by more.
+pub const LEAST_PER_ROW: f64 = 0.5;
+/// From where a fine fit ends it looks so many standard deviations away, and goes on from there at most so often.
+const KICKS: [f64; 4] = [-8.0, -2.5, 2.5, 8.0];
+const KICKED: usize = 6;
+/// Most iterations of a fine fit.
+const ITERATIONS_MAX: usize = 25;
+
+/// How far a fit goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Effort {
+    /// So many iterations at most, and fewer where each gains little: to see which candidate is worth more.
+    Coarse(usize),
+    /// To the bottom: values and costs that are told.
+    Fine,
+}
 
 /// A model with what it leaves.
 #[derive(Clone, Debug)]
@@ -39,56 +68,159 @@ fn believed(model: &Model) -> f64 {
     at.iter().zip(expected).zip(sureness).map(|((at, expected), sure)| ((at - expected) / sure).powi(2)).sum()
 }
 
-/// The model fitted from where it stands, in at most so many iterations; with the derivatives of `known` for the
-/// coordinates that it has.
-pub fn fit(problem: &Problem<'_>, start: &Model, iterations: usize, known: Option<&Linear>) -> Fitted {
-    let block = ((BLOCK_S / problem.machine.cycle.period.as_s()) as usize).max(1);
+/// The model fitted from where it stands; with the derivatives of `known` for the coordinates that it has.
+pub fn fit(problem: &Problem<'_>, start: &Model, effort: Effort, known: Option<&Linear>) -> Fitted {
+    if effort != Effort::Fine {
+        return descended(problem, start, effort, known);
+    }
+    let smooth = descended(&problem.smooth(), start, effort, None);
+    let is_better = cost_of(problem, &smooth.model, Part::Fit) < cost_of(problem, start, Part::Fit);
+    descended(problem, if is_better { &smooth.model } else { start }, effort, known)
+}
+
+fn descended(problem: &Problem<'_>, start: &Model, effort: Effort, known: Option<&Linear>) -> Fitted {
+    let block = problem.rows_in(BLOCK_S);
+    let rows = problem.count(Part::Fit).max(1) as f64;
+    let iterations = match effort {
+        Effort::Coarse(iterations) => iterations,
+        Effort::Fine => ITERATIONS_MAX,
+    };
     let mut model = start.clone();
-    let (mut damping, factor) = DAMPING;
+    let mut damping = DAMPING.0;
+    let mut steps = Steps::widest(&model);
     let mut left = residuals(problem, &model, Part::Fit);
-    let mut cost: f64 = left.iter().map(self::cost).sum();
-    let mut total = cost + believed(&model);
+    let sum = |left: &[Residual], knee: f64| left.iter().map(|run| cost(run, knee)).sum::<f64>();
+    // Far from the minimum all rows are far off: they count by their square until they are near.
+    let is_smooth = problem.summed > 1;
+    let mut knee = if is_smooth { K * (sum(&left, K) / rows / (2.0 * K)).max(1.0) } else { K };
     let mut covariance = DMatrix::zeros(model.coordinate_count(), model.coordinate_count());
+    let mut kicked = 0;
     for _ in 0..iterations {
-        let linear = Linear::new(problem, &model, left, known);
-        let equations = linear.normal(block).with_beliefs(&model);
-        left = linear.runs.into_iter().map(|run| run.residual).collect();
-        if let Some(found) = equations.covariance() {
-            covariance = found;
-        }
-        let at = model.coordinates();
-        let mut gained = 0.0;
-        for _ in 0..5 {
-            let mut damped = equations.curvature.clone();
-            for place in 0..damped.nrows() {
-                damped[(place, place)] += damping * damped[(place, place)].max(1e-12);
+        let mut total = sum(&left, knee) + believed(&model);
+        let mut linear = Linear::new(problem, &model, left, known, &steps);
+        let before = total;
+        let mut first_gain = 0.0;
+        let mut was_fine = false;
+        // Derivatives cost the most: they serve for as long as they gain.
+        for pass in 0..PASSES {
+            let equations = linear.normal(block, knee).with_beliefs(&model);
+            if pass == 0 {
+                if let Some(found) = equations.covariance() {
+                    covariance = found;
+                }
+                was_fine = steps.is_fine_for(&covariance);
+                if effort == Effort::Fine {
+                    steps = Steps::of(&covariance);
+                }
             }
-            let Some(cholesky) = damped.cholesky() else {
-                damping *= factor;
-                continue;
+            let Some((other, other_left, other_total)) =
+                stepped(problem, &model, &equations, total, knee, &mut damping)
+            else {
+                break;
             };
-            let step = cholesky.solve(&equations.slope);
-            // A step of more than a few priors leaves where the derivatives hold.
-            let largest = step.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
-            let share = if largest > 1.5 { 1.5 / largest } else { 1.0 };
-            let tried: Vec<f64> = at.iter().zip(step.iter()).map(|(at, step)| at - share * step).collect();
-            let other = model.at(&tried);
-            let other_left = residuals(problem, &other, Part::Fit);
-            let other_cost: f64 = other_left.iter().map(self::cost).sum();
-            let other_total = other_cost + believed(&other);
-            if other_total < total {
-                gained = total - other_total;
-                (model, left, cost, total) = (other, other_left, other_cost, other_total);
-                damping = (damping / factor).max(1e-9);
+            let gained = total - other_total;
+            (model, total) = (other, other_total);
+            linear.leaves(other_left);
+            first_gain = f64::max(first_gain, gained);
+            if gained < WORTH * first_gain {
                 break;
             }
-            damping *= factor;
         }
-        if gained < ENOUGH * total {
-            break;
+        left = linear.runs.into_iter().map(|run| run.residual).collect();
+        let gained = before - total;
+        if gained == 0.0 {
+            damping = DAMPING.0;
+        }
+        if knee > K {
+            knee = (knee / NEARER).max(K);
+            continue;
+        }
+        let is_over = match effort {
+            Effort::Coarse(_) => gained < ENOUGH.0 * total,
+            // What derivatives over wide steps do not gain, those over narrow ones may.
+            Effort::Fine => was_fine && gained < ENOUGH.1 * (total / rows).max(LEAST_PER_ROW),
+        };
+        if is_over {
+            // A minimum among rough ones: another may lie along the valley.
+            let kicks = if effort == Effort::Fine && kicked < KICKED {
+                kicks(&model, &covariance)
+            } else {
+                Vec::new()
+            };
+            let Some((other, other_left, other_total)) = best_of(problem, kicks) else { break };
+            if total - other_total < ENOUGH.1 * (total / rows).max(LEAST_PER_ROW) {
+                break;
+            }
+            kicked += 1;
+            (model, left) = (other, other_left);
+            damping = DAMPING.0;
         }
     }
+    let cost = sum(&left, K);
+    let total = cost + believed(&model);
     Fitted { model, cost, total, covariance }
+}
+
+/// Models some standard deviations of each coordinate away, the others moved as they follow it.
+fn kicks(model: &Model, covariance: &DMatrix<f64>) -> Vec<Model> {
+    let at = model.coordinates();
+    let moved = |coordinate: usize, by: f64| {
+        let sigma = covariance[(coordinate, coordinate)].sqrt();
+        let share = by / sigma;
+        let to: Vec<f64> =
+            at.iter().zip(covariance.column(coordinate).iter()).map(|(at, with)| at + share * with).collect();
+        model.at(&to)
+    };
+    let is_known = |coordinate: &usize| (1e-9..0.5).contains(&covariance[(*coordinate, *coordinate)].sqrt());
+    (0..at.len()).filter(is_known).flat_map(|coordinate| KICKS.map(|by| moved(coordinate, by))).collect()
+}
+
+/// That of some models which leaves the least, with what it leaves and the total.
+fn best_of(problem: &Problem<'_>, models: Vec<Model>) -> Option<(Model, Vec<Residual>, f64)> {
+    let one = |model: &Model| {
+        let left = residuals(problem, model, Part::Fit);
+        let total = left.iter().map(|run| cost(run, K)).sum::<f64>() + believed(model);
+        (left, total)
+    };
+    let totals: Vec<f64> = models.par_iter().map(|model| one(model).1).collect();
+    let best = (0..models.len()).min_by(|a, b| totals[*a].total_cmp(&totals[*b]))?;
+    let (left, total) = one(&models[best]);
+    Some((models[best].clone(), left, total))
+}
+
+/// The step that equations ask for, damped until it gains: the model, what it leaves, and the total.
+fn stepped(
+    problem: &Problem<'_>,
+    model: &Model,
+    equations: &Normal,
+    total: f64,
+    knee: f64,
+    damping: &mut f64,
+) -> Option<(Model, Vec<Residual>, f64)> {
+    let at = model.coordinates();
+    let (_, factor, tries) = DAMPING;
+    for _ in 0..tries {
+        let mut damped = equations.curvature.clone();
+        for place in 0..damped.nrows() {
+            damped[(place, place)] += *damping * damped[(place, place)].max(1e-12);
+        }
+        if let Some(cholesky) = damped.cholesky() {
+            let step = cholesky.solve(&equations.slope);
+            // A step of more than a few priors leaves where the derivatives hold.
+            let largest = step.amax();
+            let share = if largest > FURTHEST { FURTHEST / largest } else { 1.0 };
+            let tried: Vec<f64> = at.iter().zip(step.iter()).map(|(at, step)| at - share * step).collect();
+            let other = model.at(&tried);
+            let left = residuals(problem, &other, Part::Fit);
+            let other_total = left.iter().map(|run| cost(run, knee)).sum::<f64>() + believed(&other);
+            if other_total < total {
+                *damping = (*damping / factor).max(1e-9);
+                return Some((other, left, other_total));
+            }
+        }
+        *damping *= factor;
+    }
+    None
 }
 
 impl Fitted {

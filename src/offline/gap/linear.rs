@@ -7,7 +7,8 @@
 //!
 //! Stick and slip are events: near a reversal single rows jump where a model lands on another branch. Rows beyond `K`
 //! standard deviations count by their size and not by its square, so that events do not outvote motion. Derivatives
-//! are differences over a step that is wide against the roughness of the events.
+//! are differences over a step as wide as what is not known of a coordinate: wide against the roughness of the events
+//! at first, and narrow where a coordinate is known well.
 //! Invariant: a coordinate that moves nothing has no column.
 
 use std::sync::Arc;
@@ -19,27 +20,34 @@ use super::model::Model;
 use super::problem::{Part, Problem, Residual};
 
 /// Rows beyond this count by their size, in standard deviations.
-const K: f64 = 4.0;
-/// Step of a derivative, in coordinates.
-const STEP: f64 = 0.04;
+pub const K: f64 = 4.0;
+/// Widest step of a derivative and narrowest, in coordinates; and between them how many standard deviations.
+const STEP: (f64, f64, f64) = (0.04, 2e-4, 2.0);
 /// What is left is independent from block to block of this length, s: longer than anything a loop remembers.
 pub const BLOCK_S: f64 = 0.25;
+/// Fewer runs do not tell how much they differ.
+const RUNS: usize = 5;
 
 /// Twice the negative logarithm of how probable a residual is, but for a constant.
 pub fn rho(value: f64) -> f64 {
+    bent(value, K)
+}
+
+/// A square up to the knee, straight beyond.
+fn bent(value: f64, knee: f64) -> f64 {
     let size = value.abs();
-    if size <= K { size * size } else { K * (2.0 * size - K) }
+    if size <= knee { size * size } else { knee * (2.0 * size - knee) }
 }
 
 /// How much a row of a residual counts.
-pub fn weight(value: f64) -> f64 {
+pub fn weight(value: f64, knee: f64) -> f64 {
     let size = value.abs();
-    if size <= K { 1.0 } else { K / size }
+    if size <= knee { 1.0 } else { knee / size }
 }
 
-/// Sum of `ρ` over a residual.
-pub fn cost(residual: &Residual) -> f64 {
-    residual.iter().flatten().map(|value| rho(*value)).sum()
+/// Sum of `ρ` with this knee over a residual.
+pub fn cost(residual: &Residual, knee: f64) -> f64 {
+    residual.iter().flatten().map(|value| bent(*value, knee)).sum()
 }
 
 /// What a model leaves of all runs that have rows of a part, in their order.
@@ -49,7 +57,7 @@ pub fn residuals(problem: &Problem<'_>, model: &Model, part: Part) -> Vec<Residu
 
 /// Sum of `ρ` of a model over a part of all runs.
 pub fn cost_of(problem: &Problem<'_>, model: &Model, part: Part) -> f64 {
-    residuals(problem, model, part).iter().map(cost).sum()
+    residuals(problem, model, part).iter().map(|run| cost(run, K)).sum()
 }
 
 /// What one coordinate changes of what is left of a run; nothing where it is at its end.
@@ -64,6 +72,28 @@ pub struct LinearRun {
     pub columns: Vec<Column>,
 }
 
+/// Over which step each coordinate is differentiated.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Steps(Vec<f64>);
+
+impl Steps {
+    /// Where nothing is known yet.
+    pub fn widest(model: &Model) -> Self {
+        Self(vec![STEP.0; model.coordinate_count()])
+    }
+
+    /// For coordinates of this covariance.
+    pub fn of(covariance: &DMatrix<f64>) -> Self {
+        let of = |variance: &f64| (STEP.2 * variance.max(0.0).sqrt()).clamp(STEP.1, STEP.0);
+        Self(covariance.diagonal().iter().map(of).collect())
+    }
+
+    /// Whether they are as narrow as that asks for, or nearly.
+    pub fn is_fine_for(&self, covariance: &DMatrix<f64>) -> bool {
+        self.0.iter().zip(Self::of(covariance).0).all(|(own, wanted)| *own <= 3.0 * wanted)
+    }
+}
+
 /// A model with its derivatives.
 #[derive(Clone, Debug)]
 pub struct Linear {
@@ -75,13 +105,20 @@ pub struct Linear {
 
 impl Linear {
     /// Of a model that leaves these residuals. The columns of coordinates that `known` has are taken from there.
-    pub fn new(problem: &Problem<'_>, model: &Model, left: Vec<Residual>, known: Option<&Self>) -> Self {
+    pub fn new(
+        problem: &Problem<'_>,
+        model: &Model,
+        left: Vec<Residual>,
+        known: Option<&Self>,
+        steps: &Steps,
+    ) -> Self {
         let coordinates = model.coordinates();
         let shared = known.map_or(0, |known| known.model.coordinate_count());
         let of = |(run, (place, residual)): (usize, (usize, Residual))| {
             let column = |coordinate: usize| match known {
                 Some(known) if coordinate < shared => known.runs[run].columns[coordinate].clone(),
-                _ => column(problem, model, &coordinates, place, &residual, coordinate).map(Arc::new),
+                _ => column(problem, model, &coordinates, place, &residual, coordinate, steps.0[coordinate])
+                    .map(Arc::new),
             };
             let columns = (0..coordinates.len()).into_par_iter().map(column).collect();
             LinearRun { residual, columns }
@@ -90,12 +127,17 @@ impl Linear {
         Self { model: model.clone(), runs: places.enumerate().map(of).collect() }
     }
 
+    /// The same derivatives where another model leaves this.
+    pub fn leaves(&mut self, left: Vec<Residual>) {
+        self.runs.iter_mut().zip(left).for_each(|(run, residual)| run.residual = residual);
+    }
+
     /// Their sums over all runs; blocks are of so many rows.
-    pub fn normal(&self, block: usize) -> Normal {
+    pub fn normal(&self, block: usize, knee: f64) -> Normal {
         let count = self.model.coordinate_count();
         let one = |run: &LinearRun| {
             let columns: Vec<Option<&Residual>> = run.columns.iter().map(Option::as_deref).collect();
-            Normal::of(&run.residual, &columns, block)
+            Normal::of(&run.residual, &columns, block, knee)
         };
         self.runs.par_iter().map(one).reduce(|| Normal::zero(count), Normal::plus)
     }
@@ -108,12 +150,13 @@ fn column(
     place: usize,
     residual: &Residual,
     coordinate: usize,
+    step: f64,
 ) -> Option<Residual> {
     if !model.is_free(coordinate) {
         return None;
     }
     // Away from a bound where one is near.
-    [STEP, -STEP].into_iter().find_map(|by| {
+    [step, -step].into_iter().find_map(|by| {
         let mut moved = coordinates.to_vec();
         moved[coordinate] += by;
         let other = model.at(&moved);
@@ -140,6 +183,8 @@ pub struct Normal {
     pub slope: DVector<f64>,
     /// Variance of the slope, from block to block.
     pub spread: DMatrix<f64>,
+    /// The same from run to run, and of how many: what is wrong in one way all along a run shows here alone.
+    pub by_run: (DMatrix<f64>, usize),
     /// Sum of `ρ`.
     pub cost: f64,
 }
@@ -147,25 +192,32 @@ pub struct Normal {
 impl Normal {
     fn zero(count: usize) -> Self {
         let zeros = || DMatrix::zeros(count, count);
-        Self { curvature: zeros(), slope: DVector::zeros(count), spread: zeros(), cost: 0.0 }
+        Self {
+            curvature: zeros(),
+            slope: DVector::zeros(count),
+            spread: zeros(),
+            by_run: (zeros(), 0),
+            cost: 0.0,
+        }
     }
 
     fn plus(mut self, other: Self) -> Self {
         self.curvature += other.curvature;
         self.slope += other.slope;
         self.spread += other.spread;
+        self.by_run = (self.by_run.0 + other.by_run.0, self.by_run.1 + other.by_run.1);
         self.cost += other.cost;
         self
     }
 
     /// Of one run.
-    pub fn of(residual: &Residual, columns: &[Option<&Residual>], block: usize) -> Self {
+    pub fn of(residual: &Residual, columns: &[Option<&Residual>], block: usize, knee: f64) -> Self {
         let count = columns.len();
-        let mut sum = Self { cost: cost(residual), ..Self::zero(count) };
+        let mut sum = Self { cost: cost(residual, knee), ..Self::zero(count) };
         let blocks = residual.iter().map(Vec::len).max().unwrap_or(0).div_ceil(block);
         let mut slopes = DMatrix::zeros(count, blocks);
         for (signal, rows) in residual.iter().enumerate() {
-            let weights: Vec<f64> = rows.iter().map(|value| weight(*value)).collect();
+            let weights: Vec<f64> = rows.iter().map(|value| weight(*value, knee)).collect();
             for i in 0..count {
                 let Some(a) = &columns[i] else { continue };
                 let weighed: Vec<f64> = a[signal].iter().zip(&weights).map(|(a, w)| a * w).collect();
@@ -184,6 +236,7 @@ impl Normal {
         }
         sum.slope = slopes.column_sum();
         sum.spread = &slopes * slopes.transpose();
+        sum.by_run = (&sum.slope * sum.slope.transpose(), 1);
         sum
     }
 
@@ -199,15 +252,20 @@ impl Normal {
         self
     }
 
-    /// Covariance of the coordinates at the minimum, of rows that depend on each other within a block as much as they
-    /// do; nothing where the curvature is none.
+    /// Covariance of the coordinates at the minimum, of rows that depend on each other within a block, and within a
+    /// run where there are [`RUNS`] and more, as much as they do; nothing where the curvature is none.
     pub fn covariance(&self) -> Option<DMatrix<f64>> {
         let inverse = regular(&self.curvature)?;
-        let found = &inverse * &self.spread * &inverse;
-        // A few blocks may agree by chance: never surer than independent rows of noise would be.
+        let by_block = &inverse * &self.spread * &inverse;
+        let (by_run, runs) = &self.by_run;
+        // At the minimum the slopes of all runs make zero together: one less is free.
+        let free = if *runs >= RUNS { *runs as f64 / (*runs as f64 - 1.0) } else { 0.0 };
+        let by_run = free * &inverse * by_run * &inverse;
+        // A few blocks, or runs, may agree by chance: never surer than independent rows of noise would be.
         let mut covariance = inverse.clone();
         for place in 0..covariance.nrows() {
-            let by = (found[(place, place)] / inverse[(place, place)]).max(1.0).sqrt();
+            let found = by_block[(place, place)].max(by_run[(place, place)]);
+            let by = (found / inverse[(place, place)]).max(1.0).sqrt();
             for other in 0..covariance.ncols() {
                 covariance[(place, other)] *= by;
                 covariance[(other, place)] *= by;
@@ -243,7 +301,7 @@ mod tests {
     fn rows_that_agree_within_a_block_make_nothing_surer() {
         let column: Residual = vec![vec![1.0; 1_000]];
         let variance = |block: usize| {
-            Normal::of(&in_blocks(), &[Some(&column)], block).covariance().expect("it is regular")[(0, 0)]
+            Normal::of(&in_blocks(), &[Some(&column)], block, K).covariance().expect("it is regular")[(0, 0)]
         };
         // The mean of a hundred values of variance 1; taken as a thousand, ten times as sure.
         assert!((variance(10) - 0.01).abs() < 1e-6, "{}", variance(10));
@@ -251,10 +309,26 @@ mod tests {
     }
 
     #[test]
+    fn runs_that_disagree_make_a_coordinate_less_sure() {
+        let column: Residual = vec![vec![1.0; 1_000]];
+        let run = |by: f64| {
+            let residual: Residual = vec![in_blocks()[0].iter().map(|value| value + by).collect()];
+            Normal::of(&residual, &[Some(&column)], 10, K)
+        };
+        let variance = |by: f64| {
+            let both = [by, -by, by, -by, by, -by].map(run).into_iter().reduce(Normal::plus).expect("six");
+            both.covariance().expect("it is regular")[(0, 0)]
+        };
+        // Six runs that say 0.3 or -0.3 know their mean to 0.3 / √5, whatever their rows say.
+        assert!((variance(0.3) - 0.09 / 5.0).abs() < 1e-6, "{}", variance(0.3));
+        assert!(variance(0.0) < 0.01, "{}", variance(0.0));
+    }
+
+    #[test]
     fn a_coordinate_without_a_column_changes_nothing_of_the_others() {
         let column: Residual = vec![(0..1_000).map(f64::from).collect()];
-        let alone = Normal::of(&in_blocks(), &[Some(&column)], 10);
-        let beside = Normal::of(&in_blocks(), &[Some(&column), None], 10);
+        let alone = Normal::of(&in_blocks(), &[Some(&column)], 10, K);
+        let beside = Normal::of(&in_blocks(), &[Some(&column), None], 10, K);
         assert_eq!(alone.slope[0], beside.slope[0]);
         assert_eq!(alone.curvature[(0, 0)], beside.curvature[(0, 0)]);
         assert_eq!(beside.curvature[(1, 1)], 0.0);
@@ -263,7 +337,7 @@ mod tests {
     #[test]
     fn rows_far_off_count_by_their_size() {
         let column: Residual = vec![vec![1.0; 2]];
-        let slope = |far: f64| Normal::of(&vec![vec![0.0, far]], &[Some(&column)], 10).slope[0];
+        let slope = |far: f64| Normal::of(&vec![vec![0.0, far]], &[Some(&column)], 10, K).slope[0];
         assert_eq!([slope(2.0), slope(4.0), slope(40.0)], [2.0, 4.0, 4.0]);
     }
 }

@@ -17,8 +17,8 @@ use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::fit::{Fitted, fit};
-use super::linear::{BLOCK_S, Linear, residuals, rho};
+use super::fit::{Effort, Fitted, LEAST_PER_ROW, fit};
+use super::linear::{BLOCK_S, Linear, Steps, residuals, rho};
 use super::model::Model;
 use super::problem::{Part, Problem};
 use super::shortlist::{Scored, shortlist};
@@ -29,7 +29,7 @@ use crate::plant::effects::{CATALOGUE, Experiment, entry};
 const FITTED: usize = 6;
 /// Most effects that are named of an axis.
 const EFFECTS_MAX: usize = 4;
-/// Iterations of the fit of the base, and of a candidate with it.
+/// Iterations of coarse fits: of the base, and of a candidate with it.
 const ITERATIONS: [usize; 2] = [12, 6];
 /// Fall of the information criterion that a candidate must bring on the fitted rows, beyond what the number of candidates
 /// explains.
@@ -42,8 +42,6 @@ const HELD_SHARE: f64 = 0.02;
 const SURE: f64 = 4.0;
 /// Candidates whose evidence is nearer than this, or than this share, cannot be told apart.
 const NEAR: (f64, f64) = (20.0, 0.02);
-/// Less than this is never left per row, in units of the floor.
-const LEAST_PER_ROW: f64 = 0.5;
 /// How often blocks are drawn to see how sure a fall is, and in how many draws at most it may be none: one in a thousand,
 /// for there are thirty candidates, and each may be the one that chance favours.
 const DRAWS: (usize, usize) = (4_000, 4);
@@ -82,6 +80,8 @@ pub enum Gate {
     Amplitude,
     /// Values that the data chose and not the bounds.
     Bounds,
+    /// Worse again without it, all else fitted from where it stands with it.
+    Needed,
 }
 
 /// What an axis lacks.
@@ -133,14 +133,16 @@ impl NamedEffect {
 pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Sync)) -> Named {
     let rows = [Part::Fit, Part::Held].map(|part| problem.count(part));
     progress("fitting the base model");
-    let base = fit(problem, start, ITERATIONS[0], None);
-    let base_blocks = Blocks::new(problem, &base.model);
-    let (mut model, mut blocks) = (base.clone(), base_blocks.clone());
+    let coarse = fit(problem, start, Effort::Coarse(ITERATIONS[0]), None);
+    let coarse_blocks = Blocks::new(problem, &coarse.model);
+    let (mut model, mut blocks) = (coarse.clone(), coarse_blocks);
     let mut effects: Vec<NamedEffect> = Vec::new();
     let mut refused = Vec::new();
     while effects.len() < EFFECTS_MAX {
         progress("looking for what is missing");
-        let here = Linear::new(problem, &model.model, residuals(problem, &model.model, Part::Fit), None);
+        let steps = Steps::widest(&model.model);
+        let left = residuals(problem, &model.model, Part::Fit);
+        let here = Linear::new(problem, &model.model, left, None, &steps);
         let peaks = Peaks::new(problem, &model.model);
         let listed = shortlist(problem, &here, &|key| peaks.of(key));
         progress("fitting what may be missing");
@@ -164,25 +166,55 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
         model = refitted(problem, &best.fitted.model, start);
         blocks = Blocks::new(problem, &model.model);
         effects.push(NamedEffect { name: best.name(), class, runner_up });
+        // On its way to the effect the base may have left a valley in which the fit without it was held up: what is
+        // gained is what is lost again without it, from here.
+        if let Some((without, without_blocks)) = unneeded(problem, &model, &blocks, effects.len() - 1, rows) {
+            (model, blocks) = (without, without_blocks);
+            effects.pop();
+            let mut best = best;
+            best.failed.push(Gate::Needed);
+            refused.push(best);
+            break;
+        }
     }
     // Backwards: what came first may have stood for what came later.
     let mut place = 0;
-    while effects.len() > 1 && place < effects.len() {
-        let without = fit(problem, &model.model.without(place), ITERATIONS[1], None);
-        let without_blocks = Blocks::new(problem, &without.model);
-        let scale = scale(model.cost, rows[0]);
-        let fall = (without.total - model.total) / scale;
-        let held_fall = (without_blocks.cost() - blocks.cost()) / scale;
-        if fall < FALL || held_fall < HELD_FALL {
-            effects.remove(place);
-            (model, blocks) = (without, without_blocks);
-            place = 0;
-        } else {
-            place += 1;
+    while effects.len() > 1 && place + 1 < effects.len() {
+        match unneeded(problem, &model, &blocks, place, rows) {
+            Some((without, without_blocks)) => {
+                effects.remove(place);
+                (model, blocks) = (without, without_blocks);
+                place = 0;
+            }
+            None => place += 1,
         }
+    }
+    progress("fitting the base model to the end");
+    let base = fit(problem, &coarse.model, Effort::Fine, None);
+    let base_blocks = Blocks::new(problem, &base.model);
+    if effects.is_empty() {
+        (model, blocks) = (base.clone(), base_blocks.clone());
     }
     let [base_held, held] = [base_blocks, blocks].map(|blocks| blocks.cost());
     Named { base, base_held, model, held, effects, refused, rows }
+}
+
+/// The model without the effect of a place, fitted from there, with its blocks, if it does as well on either part.
+fn unneeded(
+    problem: &Problem<'_>,
+    model: &Fitted,
+    blocks: &Blocks,
+    place: usize,
+    rows: [usize; 2],
+) -> Option<(Fitted, Blocks)> {
+    let without = fit(problem, &model.model.without(place), Effort::Fine, None);
+    let without_blocks = Blocks::new(problem, &without.model);
+    let parameters = model.model.effects[place].entry.parameters.len() as f64;
+    let fall =
+        (without.total - model.total) / scale(model.cost, rows[0]) - parameters * (rows[0] as f64).ln();
+    let held_fall = (without_blocks.cost() - blocks.cost()) / scale(blocks.cost(), rows[1]);
+    let is_needed = fall > FALL && held_fall > HELD_FALL && without_blocks.is_surely_worse_than(blocks);
+    (!is_needed).then_some((without, without_blocks))
 }
 
 /// A model with what was named, fitted anew. The base that was fitted without it may have taken its place, in a valley
@@ -190,13 +222,14 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
 fn refitted(problem: &Problem<'_>, named: &Model, start: &Model) -> Fitted {
     let of_file = Model { base: start.base, ..named.clone() };
     let (one, other) = rayon::join(
-        || fit(problem, named, ITERATIONS[1], None),
-        || fit(problem, &of_file, ITERATIONS[0], None),
+        || fit(problem, named, Effort::Coarse(ITERATIONS[1]), None),
+        || fit(problem, &of_file, Effort::Coarse(ITERATIONS[0]), None),
     );
-    if other.total < one.total { other } else { one }
+    let better = if other.total < one.total { other } else { one };
+    fit(problem, &better.model, Effort::Fine, None)
 }
 
-/// What is left per row; a floor that counts what an encoder hides twice is too high, but not by more.
+/// What is left per row.
 fn scale(cost: f64, rows: usize) -> f64 {
     (cost / rows.max(1) as f64).max(LEAST_PER_ROW)
 }
@@ -219,7 +252,10 @@ fn tried(
 ) -> Vec<Candidate> {
     let without_held = blocks_without.cost();
     let one = |scored: &Scored| {
-        let fits = scored.starts.each_ref().map(|start| fit(problem, start, ITERATIONS[1], Some(here)));
+        let fits = scored
+            .starts
+            .each_ref()
+            .map(|start| fit(problem, start, Effort::Coarse(ITERATIONS[1]), Some(here)));
         let [first, second] = fits;
         let fitted = if second.total < first.total { second } else { first };
         let blocks = Blocks::new(problem, &fitted.model);

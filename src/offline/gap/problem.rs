@@ -8,6 +8,8 @@
 //! what the filter remembers of them count nothing.
 //! Invariant: what is compared is the same rows for every model.
 
+use std::sync::Arc;
+
 use super::floor::{Loudness, Noise, Pick};
 use super::forward::{Course, SETTLE_S, Signals, without_counts};
 use super::model::Model;
@@ -24,7 +26,7 @@ pub const SIGNALS: [(&str, &str, Pick); 3] = [
 ];
 
 /// A run of one axis.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct AxisData {
     /// Which run.
     pub run: usize,
@@ -76,9 +78,23 @@ pub struct Problem<'m> {
     /// Which gains.
     pub gain_set: u8,
     /// Its runs.
-    pub data: Vec<AxisData>,
+    pub data: Arc<Vec<AxisData>>,
     /// Noise of each signal; `None` where it was not measured.
     pub noises: [Option<Noise>; SIGNALS.len()],
+    /// So many rows are summed up to one that is compared.
+    pub summed: usize,
+}
+
+/// Rows that are summed up in a [smooth](Problem::smooth) comparison.
+const SMOOTH: usize = 16;
+
+/// So many rows summed up to one, which is of variance 1 again where they were.
+fn summed(rows: Vec<f64>, count: usize) -> Vec<f64> {
+    if count == 1 {
+        return rows;
+    }
+    let scale = (count as f64).sqrt().recip();
+    rows.chunks(count).map(|rows| rows.iter().sum::<f64>() * scale).collect()
 }
 
 /// What a model leaves of a run, whitened: signal by signal, row by row; zero where a row does not count.
@@ -93,7 +109,28 @@ impl<'m> Problem<'m> {
         data: Vec<AxisData>,
         noises: [Option<Noise>; SIGNALS.len()],
     ) -> Self {
-        Self { machine, id, axis: without_counts(&machine.axes[id]), gain_set, data, noises }
+        Self {
+            machine,
+            id,
+            axis: without_counts(&machine.axes[id]),
+            gain_set,
+            data: Arc::new(data),
+            noises,
+            summed: 1,
+        }
+    }
+
+    /// The same where [`SMOOTH`] rows are compared as their sum: events of stick and slip that come at another moment
+    /// then change little, and a minimum that is far is found past the ripples on its way.
+    #[must_use]
+    pub fn smooth(&self) -> Self {
+        Self {
+            summed: SMOOTH * self.summed,
+            data: Arc::clone(&self.data),
+            axis: self.axis,
+            noises: self.noises.clone(),
+            ..*self
+        }
     }
 
     /// Rows of a run that count: those after the start, that are sound, as are those the filter remembers.
@@ -157,7 +194,7 @@ impl<'m> Problem<'m> {
                     *value = 0.0;
                 }
             }
-            Some(white)
+            Some(summed(white, self.summed))
         };
         self.noises.iter().enumerate().filter_map(of).collect()
     }
@@ -177,6 +214,11 @@ impl<'m> Problem<'m> {
                 .filter(|((.., pick), noise)| noise.is_some() && !pick(&data.measured).is_empty());
             rows * signals.count()
         };
-        self.data.iter().map(of).sum()
+        self.data.iter().map(of).sum::<usize>() / self.summed
+    }
+
+    /// Rows of a residual in so much time.
+    pub fn rows_in(&self, time_s: f64) -> usize {
+        ((time_s / self.machine.cycle.period.as_s()) as usize / self.summed).max(1)
     }
 }

@@ -16,7 +16,7 @@ use std::f64::consts::TAU;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 
-use super::linear::{Linear, LinearRun, weight};
+use super::linear::{K, Linear, LinearRun, weight};
 use super::model::{Model, Tried};
 use super::problem::{Part, Problem, Residual};
 use crate::plant::effects::{CATALOGUE, Entry, Values};
@@ -83,7 +83,7 @@ pub fn shortlist(problem: &Problem<'_>, here: &Linear, peaks: &dyn Fn(&str) -> V
         .filter(|entry| !present(entry))
         .flat_map(|entry| seeds(entry, peaks).into_iter().map(move |values| (entry, values)))
         .collect();
-    let equations = here.normal(usize::MAX).with_beliefs(model);
+    let equations = here.normal(usize::MAX, K).with_beliefs(model);
     let mut curvature = equations.curvature;
     for place in 0..curvature.nrows() {
         curvature[(place, place)] += 1e-9;
@@ -152,7 +152,7 @@ impl Sums {
         for (i, column) in columns.iter().enumerate() {
             let mut weighed = column.clone();
             for (weighed, residual) in weighed.iter_mut().zip(&run.residual) {
-                weighed.iter_mut().zip(residual).for_each(|(value, left)| *value *= weight(*left));
+                weighed.iter_mut().zip(residual).for_each(|(value, left)| *value *= weight(*left, K));
             }
             self.slope[i] += product(&weighed, &run.residual);
             for (j, tangent) in run.columns.iter().enumerate() {
