@@ -200,6 +200,25 @@ fn axis<'m>(
     let say = |what: &str| progress(&format!("axis {axis_name}: {what}"));
     say("the controller alone");
     let (controller, phases) = loops(machine, runs, id, gain_set, &axis_name)?;
+    let problem = problem_of(machine, runs, repeats, id, gain_set, &phases);
+    let start = Model::new(machine.axes[id].plant);
+    let named = name::name(&problem, &start, &say);
+    let gap = gaps(&problem, &start, &named);
+    let verdict = verdict(&named, &gap);
+    let located = locate::located(&problem, &named.base.model, &named.model.model);
+    let runs_left = locate::runs_left(&problem, &named.base.model, &named.model.model);
+    Ok(AxisGap { id, problem, controller, named, verdict, located, runs_left, gap })
+}
+
+/// An axis with its runs and their noise, under gains; `phases` are the rows in which its position loop acts first.
+pub fn problem_of<'m>(
+    machine: &'m Machine,
+    runs: &[Run],
+    repeats: &[Repeat],
+    id: AxisId,
+    gain_set: u8,
+    phases: &[usize],
+) -> Problem<'m> {
     let measured: Vec<Option<Signals>> =
         runs.iter().map(|run| run.axes.get(&id).map(Signals::measured)).collect();
     // A count is as wide for each pass of a command: what it hides does not show in their difference.
@@ -212,7 +231,7 @@ fn axis<'m>(
         let has = measured.iter().flatten().any(|signals| !pick(signals).is_empty());
         if has { floor::noise(repeats, runs, &measured, pick, least[signal]) } else { None }
     });
-    let mut data = data(machine, runs, repeats, id, &measured, &phases);
+    let mut data = data(machine, runs, repeats, id, &measured, phases);
     for (signal, noise) in noises.iter().enumerate() {
         let Some(noise) = noise else { continue };
         let loudness = floor::loudness(repeats, runs, &measured, SIGNALS[signal].2, noise);
@@ -220,14 +239,7 @@ fn axis<'m>(
             data.loudness[signal].clone_from(&loudness[data.run]);
         }
     }
-    let problem = Problem::new(machine, id, gain_set, data, noises);
-    let start = Model::new(machine.axes[id].plant);
-    let named = name::name(&problem, &start, &say);
-    let gap = gaps(&problem, &start, &named);
-    let verdict = verdict(&named, &gap);
-    let located = locate::located(&problem, &named.base.model, &named.model.model);
-    let runs_left = locate::runs_left(&problem, &named.base.model, &named.model.model);
-    Ok(AxisGap { id, problem, controller, named, verdict, located, runs_left, gap })
+    Problem::new(machine, id, gain_set, data, noises)
 }
 
 /// How well the loops explain the current, and in which row of each run the position loop acts first.
@@ -294,9 +306,29 @@ fn data(
             counts.iter().enumerate().map(|(row, counts)| *counts && is_held(row)).collect();
         let fit = counts.iter().zip(&held).map(|(counts, held)| *counts && !held).collect();
         let loudness = Default::default();
-        all.push(AxisData { run: index, course, measured: measured.clone(), loudness, fit, held });
+        let first_pass = first_pass(index, rows, repeats);
+        all.push(AxisData {
+            run: index,
+            course,
+            measured: measured.clone(),
+            loudness,
+            fit,
+            held,
+            first_pass,
+        });
     }
     all
+}
+
+/// How many rows a run has until its command only repeats: its first lap with the start of the second.
+fn first_pass(run: usize, rows: usize, repeats: &[Repeat]) -> usize {
+    let of = |repeat: &Repeat| match repeat.runs {
+        [first, second] if first == run && second == run => {
+            Some(repeat.rows[0] + repeat.shift.ceil() as usize)
+        }
+        _ => None,
+    };
+    repeats.iter().filter_map(of).min().unwrap_or(rows).min(rows)
 }
 
 /// Rms of what models leave of the rows that were not fitted.

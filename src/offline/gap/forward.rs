@@ -98,6 +98,15 @@ impl Course {
         Some(Self { setpoints: setpoints.collect(), start, phase, has_table: axis.table_m.is_some(), next })
     }
 
+    /// Its first rows.
+    #[must_use]
+    pub fn first(&self, rows: usize) -> Self {
+        let mut first = self.clone();
+        first.setpoints.truncate(rows);
+        first.next.truncate(rows);
+        first
+    }
+
     /// When it begins, on the clock of the session.
     pub const fn begins(&self) -> Span {
         self.start.time

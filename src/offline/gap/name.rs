@@ -133,6 +133,7 @@ impl NamedEffect {
 pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Sync)) -> Named {
     let rows = [Part::Fit, Part::Held].map(|part| problem.count(part));
     progress("fitting the base model");
+    let once = problem.first_passes();
     let coarse = fit(problem, start, Effort::Coarse(ITERATIONS[0]), None);
     let coarse_blocks = Blocks::new(problem, &coarse.model);
     let (mut model, mut blocks) = (coarse.clone(), coarse_blocks);
@@ -141,10 +142,12 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
     while effects.len() < EFFECTS_MAX {
         progress("looking for what is missing");
         let steps = Steps::widest(&model.model);
-        let left = residuals(problem, &model.model, Part::Fit);
-        let here = Linear::new(problem, &model.model, left, None, &steps);
+        let linear = |problem: &Problem<'_>| {
+            Linear::new(problem, &model.model, residuals(problem, &model.model, Part::Fit), None, &steps)
+        };
+        let here = linear(problem);
         let peaks = Peaks::new(problem, &model.model);
-        let listed = shortlist(problem, &here, &|key| peaks.of(key));
+        let listed = shortlist(&once, &linear(&once), &|key| peaks.of(key));
         progress("fitting what may be missing");
         let mut candidates = tried(problem, &here, &model, &blocks, &listed, rows);
         candidates.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));

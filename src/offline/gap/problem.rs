@@ -40,6 +40,8 @@ pub struct AxisData {
     pub fit: Vec<bool>,
     /// Rows that no model is fitted to: they judge it.
     pub held: Vec<bool>,
+    /// After so many rows its command only repeats what this run or another has had.
+    pub first_pass: usize,
 }
 
 /// Which rows.
@@ -118,6 +120,32 @@ impl<'m> Problem<'m> {
             noises,
             summed: 1,
         }
+    }
+
+    /// The same with each command once: a second pass tells the same again, and takes as long to simulate. No rows of
+    /// it judge.
+    #[must_use]
+    pub fn first_passes(&self) -> Self {
+        let once = |data: &AxisData| {
+            let rows = data.first_pass.min(data.fit.len());
+            let first = |column: &Vec<f64>| column[..rows.min(column.len())].to_vec();
+            let measured = Signals {
+                following_error_m: first(&data.measured.following_error_m),
+                deflection_m: first(&data.measured.deflection_m),
+                current_a: first(&data.measured.current_a),
+            };
+            AxisData {
+                run: data.run,
+                course: data.course.first(rows),
+                measured,
+                loudness: data.loudness.each_ref().map(first),
+                fit: data.fit[..rows].to_vec(),
+                held: vec![false; rows],
+                first_pass: rows,
+            }
+        };
+        let data = self.data.iter().filter(|data| data.has(Part::Fit)).map(once).collect();
+        Self { data: Arc::new(data), axis: self.axis, noises: self.noises.clone(), ..*self }
     }
 
     /// The same where [`SMOOTH`] rows are compared as their sum: events of stick and slip that come at another moment
