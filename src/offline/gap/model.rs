@@ -221,7 +221,7 @@ impl Model {
     pub fn expected(&self) -> Vec<f64> {
         let effects = self.effects.iter().flat_map(|tried| {
             let of = |(place, parameter): (usize, &Parameter)| {
-                if place == 0 { 0.0 } else { parameter.nominal / parameter.prior }
+                if tried.entry.is_amplitude(place) { 0.0 } else { parameter.nominal / parameter.prior }
             };
             tried.entry.parameters.iter().enumerate().map(of).collect::<Vec<_>>()
         });
@@ -232,7 +232,8 @@ impl Model {
     /// alone say how large an effect is.
     pub fn sureness(&self) -> Vec<f64> {
         let effects = self.effects.iter().flat_map(|tried| {
-            (0..tried.entry.parameters.len()).map(|place| if place == 0 { f64::INFINITY } else { 2.0 })
+            let of = |place| if tried.entry.is_amplitude(place) { f64::INFINITY } else { 2.0 };
+            (0..tried.entry.parameters.len()).map(of)
         });
         std::iter::repeat_n(1.0, BASE.len()).chain(effects).collect()
     }

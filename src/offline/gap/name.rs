@@ -282,8 +282,10 @@ fn tried(
             failed.push(Gate::Blocks);
         }
         let place = fitted.model.first_coordinate(added);
-        let amplitude = fitted.model.coordinates()[place];
-        if amplitude.abs() <= SURE * fitted.covariance[(place, place)].sqrt() {
+        let coordinates = fitted.model.coordinates();
+        let is_sure = |at: usize| coordinates[at].abs() > SURE * fitted.covariance[(at, at)].sqrt();
+        let entry = fitted.model.effects[added].entry;
+        if !entry.amplitudes().any(|amplitude| is_sure(place + amplitude)) {
             failed.push(Gate::Amplitude);
         }
         if fitted.model.is_at_bound(added) {

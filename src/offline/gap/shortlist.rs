@@ -42,12 +42,20 @@ impl Scored {
     }
 }
 
-/// Values at which an entry is tried; its amplitude is that of the trial.
+/// Values at which an entry is tried, one amplitude at a time.
 fn seeds(entry: &'static Entry, peaks: &dyn Fn(&str) -> Vec<f64>) -> Vec<Values> {
     let mut nominal = entry.nominal();
     nominal[0] = if nominal[0] == 0.0 { entry.parameters[0].prior } else { nominal[0] } * SHARE;
     let mut seeds = vec![nominal];
-    for (place, parameter) in entry.parameters.iter().enumerate().skip(1) {
+    for place in entry.amplitudes().skip(1) {
+        let mut alone = nominal;
+        alone[0] = 0.0;
+        alone[place] = entry.parameters[place].prior * SHARE;
+        seeds.push(alone);
+    }
+    for (place, parameter) in
+        entry.parameters.iter().enumerate().filter(|(place, _)| !entry.is_amplitude(*place))
+    {
         // A damping is found by the fit.
         if parameter.unit == "deg" || parameter.key == "damping-percent" {
             continue;
@@ -187,10 +195,15 @@ impl Sums {
                 tried[place] = sine.atan2(cosine) / TAU * 360.0;
             }
             // What may be positive alone and wants to be negative is not there.
-            None => tried[0] = (values[0] * shares[0]).clamp(low, high),
+            None => {
+                for place in entry.amplitudes() {
+                    let [low, high] = entry.parameters[place].bounds;
+                    tried[place] = (values[place] * shares[0]).clamp(low, high);
+                }
+            }
         }
         let gain = shares.dot(&left);
-        if tried[0] == 0.0 || gain <= 0.0 {
+        if !entry.is_present(&tried) || gain <= 0.0 {
             return None;
         }
         let moved = curvature.solve(&(-slope - self.crossed.transpose() * &shares));

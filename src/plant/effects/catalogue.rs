@@ -167,11 +167,19 @@ impl Entry {
         values
     }
 
+    /// Which of its parameters are amplitudes: where all of them are zero it is absent.
+    pub fn amplitudes(&self) -> impl Iterator<Item = usize> {
+        (0..self.parameters.len()).filter(|place| self.is_amplitude(*place))
+    }
+
+    /// Whether a parameter is one.
+    pub const fn is_amplitude(&self, place: usize) -> bool {
+        place == 0 || self.parameters[place].is_amplitude
+    }
+
     /// Whether it does anything with these values.
     pub fn is_present(&self, values: &Values) -> bool {
-        let amplitudes =
-            self.parameters.iter().enumerate().map(|(place, own)| place == 0 || own.is_amplitude);
-        values.iter().zip(amplitudes).any(|(value, is_amplitude)| is_amplitude && *value != 0.0)
+        self.amplitudes().any(|place| values[place] != 0.0)
     }
 
     /// Whether it is of the control that moves the axis, and no matter of its plant.
