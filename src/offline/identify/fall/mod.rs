@@ -1,12 +1,15 @@
-//! The falling part of friction, `D_v'` and `D_v`, from reversals: the shipped loops run each reversal of the log
-//! again, on likely axes with any falling part, and what they ask for is compared with what was asked for.
+//! The falling part of friction, `F_max`, `D_v'` and `D_v`, from reversals and slow ramps: the shipped loops run each of
+//! them in the log again, on likely axes with any falling part, and what they ask for is compared with what was asked for.
 //!
 //! ```text
 //!   axis as it is known so far, drawn within its intervals ──┐
-//!   (D_v, D_v'), drawn in a region ──────────────────────────┴─► reversals in the loops ──► signature ──┐
-//!                                                                                                        ▼
-//!   log ──► signature ──────────────────────────────────────► how likely is each (D_v, D_v') ──► smaller region
+//!   (F_max, D_v, D_v'), drawn in a region ───────────────────┴─► the same in the loops ──► signature ──┐
+//!                                                                                                       ▼
+//!   log ──► signature ────────────────────────────────► how likely is each (F_max, D_v, D_v') ──► smaller region
 //! ```
+//!
+//! `F_max` is known before (`breakaway`), with a coarse encoder to some per cent only, and where the fall begins hangs by
+//! it. So it is searched with the falling part: what was known is how likely it is before the log is looked at.
 //!
 //! It is not compared row by row: the table sticks and slips on its way through the fall, and whether once more
 //! hangs by a hair. It is compared by numbers that scatter little (`signature`), and how they depend on `D_v` and
@@ -18,17 +21,20 @@
 //! Invariant: where no falling part explains the reversals, or many do, it is said and not guessed.
 
 pub mod known;
+pub mod ramp;
 pub mod reversal;
 pub mod search;
 mod signature;
 mod surface;
 
 use rand::RngExt;
+use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Mcg;
 
 use crate::config::machine::Axis;
 use crate::plant::friction::Variant;
 use known::Known;
+use ramp::Ramp;
 use reversal::Reversal;
 use search::Search;
 use signature::Signature;
@@ -40,26 +46,52 @@ const REVERSALS: [usize; 2] = [2, 6];
 /// A variant is named where it is so much more probable than the other, as a logarithm: 20 to 1.
 const ODDS_MIN: f64 = 3.0;
 
-/// The reversals of a log, in two halves.
+/// What tells the falling part of a log: reversals, in two halves, and a ramp each way.
 #[derive(Clone, Debug)]
-pub struct Reversals {
+pub struct Evidence {
     halves: [Vec<Reversal>; 2],
-    seen: Halves,
+    ramps: Vec<Ramp>,
+    seen: Seen,
 }
 
-/// What both halves look like, each on average.
+/// What it looks like: the reversals of either half, and the ramps, each on average.
 #[derive(Clone, Debug)]
-struct Halves([Signature; 2]);
+struct Seen {
+    halves: [Signature; 2],
+    ramps: Signature,
+}
 
-impl Halves {
+impl Seen {
+    /// All of it, with the mean of both halves.
     fn whole(&self) -> Signature {
-        self.0[0].iter().zip(&self.0[1]).map(|(a, b)| 0.5 * (a + b)).collect()
+        let [one, other] = &self.halves;
+        one.iter().zip(other).map(|(a, b)| 0.5 * (a + b)).chain(self.ramps.iter().copied()).collect()
+    }
+
+    /// A half with the ramps.
+    fn half(&self, half: usize) -> Signature {
+        [&self.halves[half][..], &self.ramps].concat()
     }
 }
 
-impl Reversals {
-    /// In turn in either half, their rows so long apart; `None` if there are too few.
-    pub fn new(all: Vec<Reversal>, period_s: f64) -> Option<Self> {
+/// What is a matter of chance in a simulated passage.
+#[derive(Clone, Copy, Debug)]
+struct Chance {
+    /// Where the motor is beside the place of the first row, as a share of a count, -0.5 to 0.5.
+    count: f64,
+    /// Friction of this place, as a multiple of what is known of it.
+    friction: f64,
+}
+
+impl Chance {
+    /// None.
+    const NONE: Self = Self { count: 0.0, friction: 1.0 };
+}
+
+impl Evidence {
+    /// Reversals in turn in either half, and the first ramp each way; rows so long apart. `None` if there are too few
+    /// reversals.
+    pub fn new(all: Vec<Reversal>, ramps: Vec<Ramp>, period_s: f64) -> Option<Self> {
         let [least, most] = REVERSALS;
         if all.len() < least {
             return None;
@@ -69,11 +101,16 @@ impl Reversals {
         for number in 0..count {
             halves[number % 2].push(all[number * all.len() / count].clone());
         }
-        let seen = Halves(halves.each_ref().map(|half| mean(half.iter().map(|one| one.signature(period_s)))));
-        Some(Self { halves, seen })
+        let of_way = |way: bool| ramps.iter().find(|ramp| ramp.is_forward() == way).cloned();
+        let ramps: Vec<Ramp> = [true, false].into_iter().filter_map(of_way).collect();
+        let seen = Seen {
+            halves: halves.each_ref().map(|half| mean(half.iter().map(|one| one.signature(period_s)))),
+            ramps: mean(ramps.iter().map(|one| one.signature(period_s))),
+        };
+        Some(Self { halves, ramps, seen })
     }
 
-    /// How many are looked at.
+    /// How many reversals are looked at.
     pub fn count(&self) -> usize {
         self.halves.iter().map(Vec::len).sum()
     }
@@ -83,10 +120,19 @@ impl Reversals {
         &self.halves[0][0]
     }
 
-    /// What they look like on an axis.
-    fn simulated(&self, axis: &Axis, random: &mut Pcg64Mcg) -> Halves {
-        let mut one = |reversal: &Reversal| reversal.simulated(axis, random.random_range(-0.5..0.5));
-        Halves(self.halves.each_ref().map(|half| mean(half.iter().map(&mut one))))
+    /// What it looks like on an axis whose friction differs from place to place by so much, as a share.
+    fn simulated(&self, axis: &Axis, place: f64, random: &mut Pcg64Mcg) -> Seen {
+        let mut by_chance = || {
+            let normal: f64 = StandardNormal.sample(random);
+            Chance { count: random.random_range(-0.5..0.5), friction: 1.0 + place * normal }
+        };
+        Seen {
+            halves: self
+                .halves
+                .each_ref()
+                .map(|half| mean(half.iter().map(|reversal| reversal.simulated(axis, by_chance())))),
+            ramps: mean(self.ramps.iter().map(|ramp| ramp.simulated(axis, by_chance()))),
+        }
     }
 }
 
@@ -120,12 +166,13 @@ impl Default for Falls {
 }
 
 impl Falls {
-    /// Looks at so many regions more; the one coordinate of the linear variant is found in half as many.
-    pub fn look(&mut self, reversals: &Reversals, known: &Known, regions: usize) {
+    /// Looks at so many regions more; the linear variant, of one coordinate less, is found in half as many.
+    pub fn look(&mut self, evidence: &Evidence, known: &Known, regions: usize) {
         for (search, regions) in [(&mut self.nonlinear, regions), (&mut self.linear, regions.div_ceil(2))] {
-            (0..regions).for_each(|_| search.look(reversals, known));
+            (0..regions).for_each(|_| search.look(evidence, known));
         }
-        let [nonlinear, linear] = [&self.nonlinear, &self.linear].map(|search| search.foretold(reversals));
+        let [nonlinear, linear] =
+            [&self.nonlinear, &self.linear].map(|search| search.foretold(evidence, known));
         self.odds = nonlinear.zip(linear).map_or(0.0, |(nonlinear, linear)| nonlinear - linear);
     }
 

@@ -1,4 +1,4 @@
-//! What a reversal looks like, in a few numbers that say something of its falling part.
+//! What a reversal or a ramp looks like, in a few numbers that say something of its falling part.
 //!
 //! ```text
 //!   time:    sliding ──► creeping, the table chatters ──► it stands ──► it breaks away ──► sliding
@@ -13,28 +13,30 @@
 /// The numbers: mean forces, then chatter.
 pub(super) type Signature = Vec<f64>;
 
-/// Parts of the rows; the first and the last are only room for the running means.
-const PARTS: usize = 11;
-/// Parts that count.
-pub(super) const PARTS_SEEN: usize = PARTS - 2;
+/// Parts of the rows of a reversal; the first and the last are only room for the running means.
+pub(super) const REVERSAL_PARTS: usize = 11;
+/// Those of a ramp.
+pub(super) const RAMP_PARTS: usize = 6;
+/// Parts of a reversal that count.
+pub(super) const PARTS_SEEN: usize = REVERSAL_PARTS - 2;
 /// Running means over so long a time, s: with less, counts of a coarse encoder would be louder than the chatter.
 const FAST_S: f64 = 0.01;
 const SLOW_S: f64 = 0.04;
 /// Less chatter than this is none, N².
 const CHATTER_MIN_N2: f64 = 1.0;
 
-/// Of the force in even rows.
-pub(super) fn signature(force_n: &[f64], period_s: f64) -> Signature {
+/// Of the force in even rows, cut into so many parts.
+pub(super) fn signature(force_n: &[f64], period_s: f64, parts: usize) -> Signature {
     let [fast, slow] = [FAST_S, SLOW_S].map(|time_s| running_mean(force_n, (time_s / period_s) as usize));
-    let part = |number: usize| number * force_n.len() / PARTS..(number + 1) * force_n.len() / PARTS;
+    let part = |number: usize| number * force_n.len() / parts..(number + 1) * force_n.len() / parts;
     let mean = |number: usize, of: &dyn Fn(usize) -> f64| {
         let rows = part(number);
         let count = rows.len().max(1) as f64;
         rows.map(of).sum::<f64>() / count
     };
     let chatter_n2 = |row: usize| (fast[row] - slow[row]).powi(2);
-    let means = (1..=PARTS_SEEN).map(|number| mean(number, &|row| force_n[row]));
-    let chatter = (1..=PARTS_SEEN).map(|number| (mean(number, &chatter_n2) + CHATTER_MIN_N2).ln());
+    let means = (1..parts - 1).map(|number| mean(number, &|row| force_n[row]));
+    let chatter = (1..parts - 1).map(|number| (mean(number, &chatter_n2) + CHATTER_MIN_N2).ln());
     means.chain(chatter).collect()
 }
 
@@ -72,7 +74,8 @@ mod tests {
             };
             (0..2_200).map(row).collect()
         };
-        let [quiet, loud] = [0.0, 30.0].map(|chatter_n| signature(&force(chatter_n), PERIOD_S));
+        let [quiet, loud] =
+            [0.0, 30.0].map(|chatter_n| signature(&force(chatter_n), PERIOD_S, REVERSAL_PARTS));
         assert_eq!(quiet.len(), 2 * PARTS_SEEN);
         for part in 0..PARTS_SEEN {
             let apart_n = loud[part] - quiet[part];
