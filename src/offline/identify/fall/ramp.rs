@@ -10,7 +10,7 @@ use super::super::measured::Measured;
 use super::super::stretches::Stretch;
 use super::Chance;
 use super::reversal::Believed;
-use super::signature::{RAMP_PARTS, Signature, signature};
+use super::signature::{Signature, of_ramp};
 use crate::base::setpoint::Setpoint;
 use crate::base::time::Span;
 use crate::base::units::{Acceleration, Current, Position, Velocity};
@@ -86,7 +86,7 @@ impl Ramp {
 
     /// How it looks in the log.
     pub fn signature(&self, period_s: f64) -> Signature {
-        signature(&self.asked_n, period_s, RAMP_PARTS)
+        of_ramp(&self.asked_n, period_s)
     }
 
     /// How it looks of an axis.
@@ -102,6 +102,6 @@ impl Ramp {
             run.asked().as_a() * self.newtons_per_a
         };
         let asked_n: Vec<f64> = self.setpoints.iter().enumerate().map(row).collect();
-        signature(&asked_n, axis.control.tick.as_s(), RAMP_PARTS)
+        of_ramp(&asked_n, axis.control.tick.as_s())
     }
 }

@@ -13,7 +13,7 @@ use super::super::measured::Measured;
 use super::super::ripple::Ripple;
 use super::super::stretches::Stretch;
 use super::Chance;
-use super::signature::{REVERSAL_PARTS, Signature, signature};
+use super::signature::{Signature, of_reversal};
 use crate::base::setpoint::Setpoint;
 use crate::base::units::{Acceleration, Position, Velocity};
 use crate::config::machine::Axis;
@@ -109,13 +109,13 @@ impl Reversal {
 
     /// How it looks in the log.
     pub fn signature(&self, period_s: f64) -> Signature {
-        signature(&self.asked_n[self.seen.clone()], period_s, REVERSAL_PARTS)
+        of_reversal(&self.asked_n[self.seen.clone()], period_s)
     }
 
     /// How it looks of an axis.
     pub(super) fn simulated(&self, axis: &Axis, chance: Chance) -> Signature {
         let asked_n = &self.simulated_n(axis, chance, self.seen.end)[self.seen.clone()];
-        signature(asked_n, axis.control.tick.as_s(), REVERSAL_PARTS)
+        of_reversal(asked_n, axis.control.tick.as_s())
     }
 
     /// Asked for by the loops of an axis in the first so many rows, N.
