@@ -1,8 +1,10 @@
 //! The search for the falling part of one variant: region by region, each the likely part of the one before.
 //!
 //! A region is a box of the logarithms of `F_max`, `D_v` and `D_v' / D_v`. Axes are drawn all over it, and how likely
-//! each of its points is comes from what they look like (`surface`), of `F_max` also from what was known of it before.
-//! The likely part becomes the next region, because over a small one what the axes look like is nearly a parabola.
+//! each of its points is comes from what they look like (`surface`), compressed to a number for each coordinate
+//! (`compressed`); of `F_max` also from what was known of it before. The likely part becomes the next region, because
+//! over a small one what the axes look like is nearly a parabola. Whether the best of it explains what was seen is asked
+//! of all the numbers.
 //! Units: N, mm/s.
 //! Invariant: all chance comes from the number of the round and of the draw, so the answer is the same on any number of
 //! threads.
@@ -11,6 +13,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
 
+use super::compressed::Compressed;
 use super::known::Known;
 use super::signature::PARTS_SEEN;
 use super::surface::Surface;
@@ -27,8 +30,6 @@ const END_AT: usize = 1;
 const SHARE_AT: usize = 2;
 /// Of what the first region is bounded by what was known before.
 const ANYWHERE: [f64; 2] = [0.0, f64::INFINITY];
-/// Axes drawn in a region, for each of its coordinates.
-const DRAWS: u64 = 40;
 /// Over the first region what is seen bends more than over a part of it.
 const DEGREES: [usize; 2] = [3, 2];
 /// Points of a region each way.
@@ -102,6 +103,9 @@ struct Draw {
     seen: Seen,
 }
 
+/// A point of a region and how likely it is.
+type Weighed = (Vec<f64>, f64);
+
 /// The search.
 #[derive(Clone, Debug)]
 pub struct Search {
@@ -130,9 +134,8 @@ impl Search {
         for (ends, bounds) in self.region.iter_mut().zip(bounds) {
             *ends = within(*ends, bounds);
         }
-        let count = DRAWS * self.region.len() as u64;
         let draw = |number: u64| {
-            let mut random = Pcg64Mcg::seed_from_u64(self.round * count + number);
+            let mut random = Pcg64Mcg::seed_from_u64((self.round << 32) + number);
             let place: Vec<f64> = self.region.iter().map(|_| random.random_range(-1.0..1.0)).collect();
             let mut axis = known.drawn(&mut random);
             let fall: Vec<f64> =
@@ -140,7 +143,7 @@ impl Search {
             put(&mut axis.plant.friction, self.variant, &fall);
             Draw { seen: evidence.simulated(&axis, known.uncertainty.place, &mut random), place }
         };
-        let draws: Vec<Draw> = (0..count).into_par_iter().map(draw).collect();
+        let draws: Vec<Draw> = (0..evidence.draws).into_par_iter().map(draw).collect();
         self.last = self.judge(draws, &evidence.seen.whole(), before);
         self.round += 1;
         let Some(Look { spreads, .. }) = &self.last else { return };
@@ -152,9 +155,7 @@ impl Search {
 
     /// What draws tell of what was seen; `None` where they tell nothing apart.
     fn judge(&self, draws: Vec<Draw>, seen: &Signature, before: Spread) -> Option<Look> {
-        let degree = DEGREES[usize::from(self.round > 0)];
-        let surface = surface(&draws, degree, Seen::whole)?;
-        let likely = likely(&surface, seen, &self.region, before);
+        let (likely, surface) = told(&draws, seen, self.round, &self.region, before)?;
         let coordinate = |place: &[f64], which: usize| at(self.region[which], place[which]);
         let (best, _) = likely.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
         // Where the best does not explain all, the spread is as much wider (Birge, 1932, Physical Review 40, 207).
@@ -212,6 +213,13 @@ impl Search {
         start.as_ref()?.told().filter(|_| self.is_explained() && is_within)
     }
 
+    /// Whether a drop may be what a parabola was looked for: none explains what was seen, or one that begins where it ends
+    /// may.
+    pub fn may_be_a_drop(&self) -> bool {
+        let Some(Look { spreads, .. }) = &self.last else { return true };
+        !self.is_explained() || spreads.get(SHARE_AT).is_none_or(|share| share.reach()[1] > SHARE[1].ln())
+    }
+
     /// Whether it is the search for this variant.
     pub fn is_of(&self, variant: Variant) -> bool {
         self.variant == variant
@@ -238,15 +246,15 @@ impl Search {
         let Look { draws, region, .. } = self.last.as_ref()?;
         let degree = DEGREES[usize::from(self.round > 1)];
         let of = |from: usize, what: usize| {
-            let learnt = surface(draws, degree, |seen: &Seen| seen.half(from))?;
             let asked = surface(draws, degree, |seen: &Seen| seen.halves[what].clone())?;
+            let learnt = surface(draws, degree, |seen: &Seen| seen.half(from))?;
             let (each, seen) = (
                 likely(&learnt, &evidence.seen.half(from), region, before(known)),
                 &evidence.seen.halves[what],
             );
             let densities: Vec<f64> = each.iter().map(|(place, _)| asked.log_density(place, seen)).collect();
             let most = densities.iter().copied().fold(f64::MIN, f64::max);
-            let mean = |((_, weight), density): (&(Vec<f64>, f64), &f64)| weight * (density - most).exp();
+            let mean = |((_, weight), density): (&Weighed, &f64)| weight * (density - most).exp();
             Some(most + each.iter().zip(&densities).map(mean).sum::<f64>().ln())
         };
         Some(of(0, 1)? + of(1, 0)?)
@@ -286,14 +294,36 @@ fn surface(draws: &[Draw], degree: usize, of: impl Fn(&Seen) -> Signature) -> Op
     Surface::new(&draws, degree)
 }
 
+/// Points of a region and how likely each is for what was seen, as the draws tell it; and all that they look like.
+fn told(
+    draws: &[Draw],
+    seen: &Signature,
+    round: u64,
+    region: &[[f64; 2]],
+    before: Spread,
+) -> Option<(Vec<Weighed>, Surface)> {
+    let signatures: Vec<Signature> = draws.iter().map(|draw| draw.seen.whole()).collect();
+    let whole: Vec<(&[f64], &[f64])> =
+        draws.iter().zip(&signatures).map(|(draw, seen)| (&draw.place[..], &seen[..])).collect();
+    let surface = Surface::new(&whole, DEGREES[usize::from(round > 0)])?;
+    // Over all of the first region no line tells anything.
+    if round == 0 {
+        return Some((likely(&surface, seen, region, before), surface));
+    }
+    let compressed = Compressed::new(&whole, seen)?;
+    let few: Vec<(&[f64], &[f64])> =
+        draws.iter().zip(&compressed.draws).map(|(draw, told)| (&draw.place[..], &told[..])).collect();
+    Some((likely(&Surface::new(&few, DEGREES[1])?, &compressed.seen, region, before), surface))
+}
+
 /// Points of a region and how likely each is, together 1.
-fn likely(surface: &Surface, seen: &Signature, region: &[[f64; 2]], before: Spread) -> Vec<(Vec<f64>, f64)> {
+fn likely(surface: &Surface, seen: &Signature, region: &[[f64; 2]], before: Spread) -> Vec<Weighed> {
     let coordinates = region.len();
     let point = |number: usize| -> Vec<f64> {
         let step = |way: usize| number / POINTS.pow(way as u32) % POINTS;
         (0..coordinates).map(|way| -1.0 + 2.0 * step(way) as f64 / (POINTS - 1) as f64).collect()
     };
-    let all: Vec<(Vec<f64>, f64)> = (0..POINTS.pow(coordinates as u32))
+    let all: Vec<Weighed> = (0..POINTS.pow(coordinates as u32))
         .map(point)
         .map(|place| {
             let off = (at(region[BREAKAWAY_AT], place[BREAKAWAY_AT]) - before.mean) / before.std;

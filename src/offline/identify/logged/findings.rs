@@ -100,12 +100,17 @@ impl Work<'_> {
         if let Some(falls) = falls {
             let best = falls.best();
             text += &format!(
-                "; the model leaves {:.1} N of the mean forces in a reversal, {:.1} of what its uncertainty makes, and \
-                 reversals it has not seen are e^{:.0} times as probable with the nonlinear variant as with the linear one",
+                "; the model leaves {:.1} N of the mean forces in a reversal, {:.1} of what its uncertainty makes, and ",
                 best.left_n(),
                 best.misfit().sqrt(),
-                falls.odds()
             );
+            text += &match falls.odds() {
+                Some(odds) => format!(
+                    "reversals it has not seen are e^{odds:.0} times as probable with the nonlinear variant as with the \
+                     linear one"
+                ),
+                None => "friction does not drop where it begins to fall".to_owned(),
+            };
         }
         text
     }

@@ -17,7 +17,7 @@ use super::comparison::{Comparison, Model, Start};
 use super::fall::known::{Known, Uncertainty};
 use super::fall::ramp::Ramp;
 use super::fall::reversal::{Believed, Reversal};
-use super::fall::{Evidence, Falls};
+use super::fall::{Depth, Evidence, Falls};
 use super::inertia;
 use super::least_squares::student95;
 use super::measured::Measured;
@@ -44,8 +44,10 @@ const VALUES_MIN: usize = 3;
 /// How well a count of the encoder is known when the table breaks away, as half an interval: all ramps are wrong
 /// alike, so their scatter does not show it. From 100 random machines with 0.1 um and 1 um.
 const COUNTED: f64 = 0.2;
-/// Regions that are looked at for the falling part before sliding is taken again with it, and after.
-const LOOKS: [usize; 2] = [2, 3];
+/// Regions that are looked at for the falling part before sliding is taken again with it, and after; how much of the log
+/// for each. Where to look is told by little, and what is there by all that tells more.
+const LOOKS: [(usize, Depth); 2] =
+    [(2, Depth { reversals: 2, ramps: 1, draws: 100 }), (2, Depth { reversals: 6, ramps: 4, draws: 120 })];
 /// Half of a 95 % interval in standard deviations.
 const OF_95: f64 = 1.96;
 
@@ -198,9 +200,9 @@ impl<'a> Work<'a> {
         let comparisons = self.comparisons();
         let mut breakaway = self.breakaway(&comparisons);
         let mut falls: Option<Falls> = None;
-        for looks in LOOKS {
+        for (looks, depth) in LOOKS {
             let is_known = self.take_breakaway(&breakaway) && sliding.is_some();
-            let Some(evidence) = self.evidence().filter(|_| is_known) else { break };
+            let Some(evidence) = self.evidence(depth).filter(|_| is_known) else { break };
             let falls = falls.get_or_insert_default();
             falls.look(&evidence, &self.known(), looks);
             if falls.best().is_explained() {
@@ -213,11 +215,18 @@ impl<'a> Work<'a> {
             breakaway = self.breakaway(&comparisons);
         }
         self.take_breakaway(&breakaway);
+        if let Some(falls) = falls.as_mut().filter(|falls| falls.may_be_a_drop()) {
+            for (looks, depth) in LOOKS {
+                if let Some(evidence) = self.evidence(depth) {
+                    falls.look_for_a_drop(&evidence, &self.known(), looks);
+                }
+            }
+        }
         let best = falls.as_ref().map(Falls::best);
         if let Some(best) = best.filter(|best| best.is_explained()) {
             best.put(&mut self.model.friction);
         }
-        let evidence = self.evidence();
+        let evidence = self.evidence(LOOKS[1].1);
         self.sliding_findings(sliding.as_ref(), best, &mut put);
         self.breakaway_findings(&breakaway, comparisons.len(), best, &mut put);
         fall_findings(best, evidence.as_ref().map_or(0, Evidence::count), &mut put);
@@ -319,15 +328,15 @@ impl<'a> Work<'a> {
     }
 
     /// What tells the falling part.
-    fn evidence(&self) -> Option<Evidence> {
+    fn evidence(&self, depth: Depth) -> Option<Evidence> {
         let plant = self.known().axis.plant;
         let believed =
             Believed { axis: self.axis, plant: &plant, ripple: &self.ripple, offset_n: self.offset_n };
         let reversal = |stretch: &Stretch| Reversal::new(&self.measured, stretch, &believed);
-        let reversals = self.stretches.reversals.iter().filter_map(reversal).collect();
+        let reversals: Vec<Reversal> = self.stretches.reversals.iter().filter_map(reversal).collect();
         let ramp = |stretch: &Stretch| Ramp::new(&self.measured, stretch, &believed);
-        let ramps = self.stretches.ramps.iter().filter_map(ramp).collect();
-        Evidence::new(reversals, ramps, self.measured.period_s)
+        let ramps: Vec<Ramp> = self.stretches.ramps.iter().filter_map(ramp).collect();
+        Evidence::new(&reversals, &ramps, depth, self.measured.period_s)
     }
 
     fn comparisons(&self) -> Vec<Comparison> {
