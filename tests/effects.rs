@@ -230,7 +230,7 @@ fn tuning_sees_the_effects_that_the_whole_circle_has() {
     let effects: [(&str, Values); 3] = [
         ("stribeck", [150.0, 4.0, 0.0]),
         // At its most where the axes turn back, two turns of the screw from the centre.
-        ("screw-ripple", [20.0, 90.0, 0.0]),
+        ("screw-ripple", [20.0, 1.0, 90.0]),
         ("presliding", [8.0, 0.0, 0.0]),
     ];
     for (name, values) in effects {

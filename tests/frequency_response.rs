@@ -108,7 +108,7 @@ fn measured_margins_are_the_computed_ones(
 /// Friction of axis X that ripples by 2 % with the turn of its screw.
 const RIPPLE: (&str, &str) = (
     "[axis.x.velocity-loop]",
-    "[axis.x.effects.screw-ripple]\nshare-percent = 2.0\nphase-deg = 40.0\n[axis.x.velocity-loop]",
+    "[axis.x.effects.screw-ripple]\nshare-percent = 2.0\nperiods-per-turn = 1.0\nphase-deg = 40.0\n[axis.x.velocity-loop]",
 );
 
 /// The reference machine with another axis behind its boards.

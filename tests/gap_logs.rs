@@ -2,24 +2,32 @@
 //! is what was logged, and rows in which its loops did not act are no part of it.
 #![cfg(feature = "offline")]
 
+use std::f64::consts::FRAC_PI_4;
 use std::sync::Arc;
 
 use quadrant::base::axis::AxisId;
-use quadrant::base::units::Position;
+use quadrant::base::motion::{Circle, Direction};
+use quadrant::base::units::{Position, Velocity};
+use quadrant::config::plan::CircleRequest;
 use quadrant::config::{self, Machine};
-use quadrant::offline::gap::demo::circles;
 use quadrant::offline::gap::forward::{Course, SETTLE_S, Signals, without_counts};
 use quadrant::offline::gap::logged;
 use quadrant::offline::gap::runs::RunError;
 use quadrant::offline::simulated;
 use quadrant::offline::trace::{Trace, Tracing};
 
-/// The fastest circle of the demonstration, one way and once, as its log has it.
+/// A circle, as its log has it.
 fn logged(machine: &Machine) -> Trace {
-    let (_, mut request) = circles("standard").pop().expect("a circle");
-    request.circle.radius = Position::mm(4.0);
-    request.circle.revolutions = 1;
-    request.directions.truncate(1);
+    let circle = Circle {
+        centre_x: Position::ZERO,
+        centre_y: Position::ZERO,
+        radius: Position::mm(4.0),
+        feed: Velocity::mm_per_min(4_000.0),
+        direction: Direction::Ccw,
+        start_angle_rad: FRAC_PI_4,
+        revolutions: 1,
+    };
+    let request = CircleRequest { gains: "standard".to_owned(), circle, directions: vec![circle.direction] };
     let test = machine.circle_test(&request).expect("a test");
     let mut tracing = Tracing::default();
     simulated::run(machine, machine, test, 1, &Arc::default(), &mut tracing).expect("a run");

@@ -62,7 +62,7 @@ pub(super) struct Job<'a> {
     pub(super) stop_wish: Arc<AtomicBool>,
     pub(super) log: &'a Path,
     /// Beside the progress.
-    pub(super) title: &'static str,
+    pub(super) title: &'a str,
     /// How long it will take, s.
     pub(super) duration_s: f64,
 }
@@ -275,14 +275,14 @@ struct ProgressWatch {
 }
 
 impl ProgressWatch {
-    fn start(title: &'static str, cycles: Arc<AtomicU64>, expected_s: f64, period: Span) -> Self {
+    fn start(title: &str, cycles: Arc<AtomicU64>, expected_s: f64, period: Span) -> Self {
         let ms_per_cycle = period.as_us() * 1e-3;
         let bar = ProgressBar::new((expected_s * 1e3) as u64);
         let style = ProgressStyle::with_template("{msg} {wide_bar} {percent:>3} %  {prefix}  left {eta}");
         if let Ok(style) = style {
             bar.set_style(style);
         }
-        bar.set_message(title);
+        bar.set_message(title.to_owned());
         let is_over = Arc::new(AtomicBool::new(false));
         let (watched, over) = (bar.clone(), Arc::clone(&is_over));
         let thread = thread::spawn(move || {

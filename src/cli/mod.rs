@@ -26,6 +26,7 @@ use std::process::ExitCode;
 use anyhow::Context;
 use clap::{Parser, Subcommand, ValueEnum};
 
+use crate::base::axis::AxisId;
 use crate::config::{self, LoadError, Machine};
 use crate::log::{Pace, size_limit};
 use crate::run::VERSION;
@@ -150,6 +151,19 @@ fn complaint(error: &anyhow::Error) -> String {
 /// The machine of `--machine`.
 fn machine(name_or_path: &str) -> anyhow::Result<Machine> {
     Ok(config::load(name_or_path)?)
+}
+
+/// The axis of a name.
+fn axis_of(machine: &Machine, name: &str) -> anyhow::Result<AxisId> {
+    let known = machine.axis_names();
+    machine.axes.axes().find(|id| known[id.index()] == name).with_context(|| {
+        format!("no axis \"{name}\" in machine {}; it has {}", machine.name, known.join(", "))
+    })
+}
+
+/// The axes of names; empty: all.
+fn axes_of(machine: &Machine, names: &[String]) -> anyhow::Result<Vec<AxisId>> {
+    names.iter().map(|name| axis_of(machine, name)).collect()
 }
 
 /// Print a text. A closed pipe (`| head`) is no error of ours; a full disk is.

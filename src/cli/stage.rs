@@ -2,11 +2,15 @@
 //!
 //! Invariant: the same options with the same words for every such verb.
 
+use std::io::{IsTerminal, Write};
+
 use anyhow::bail;
 use clap::Args;
 
+use super::live::moves_a_machine;
 use super::{PaceName, machine};
 use crate::config::Machine;
+use crate::log::Pace;
 use crate::run::Place;
 
 /// Which machine, where it is, and what is known of it beforehand.
@@ -28,6 +32,11 @@ pub(super) struct StageArguments {
     /// Drive a real machine from a computer that is not fit for real time: at a desk only
     #[arg(long)]
     pub(super) allow_jitter: bool,
+}
+
+/// How well forces are known, which all come from a current.
+#[derive(Debug, Args)]
+pub(super) struct ForceArguments {
     /// How far the torque constant may be off, as half a 95 % interval: a term of its own in every force
     #[arg(long, value_name = "PERCENT", default_value_t = 5.0, value_parser = percent,
           allow_negative_numbers = true)]
@@ -56,6 +65,37 @@ impl StageArguments {
     /// Where the machine is; what is random in a simulated one has this seed.
     pub(super) fn place(&self, seed: u64) -> Place<'_> {
         Place { pace: self.pace.pace(), interface: self.bus.as_deref(), seed }
+    }
+}
+
+/// Whether the person at the terminal lets a real machine move; where none moves, or `yes` was said, nobody is asked.
+///
+/// # Errors
+/// When there is nobody to ask.
+pub(super) fn may_move(place: &Place<'_>, yes: bool) -> anyhow::Result<bool> {
+    if yes || !moves_a_machine(place) {
+        return Ok(true);
+    }
+    if !std::io::stdin().is_terminal() {
+        bail!("refused to move a machine unasked: there is no terminal to ask at; --yes says yes beforehand");
+    }
+    eprint!("Is the travel free, and somebody at the emergency stop? Type yes to start: ");
+    std::io::stderr().flush()?;
+    let mut answer = String::new();
+    std::io::stdin().read_line(&mut answer)?;
+    let may = answer.trim() == "yes";
+    if !may {
+        eprintln!("nothing was moved");
+    }
+    Ok(may)
+}
+
+/// Where a machine is, in words.
+pub(super) fn whereabouts(place: &Place<'_>) -> String {
+    match (place.interface, place.pace) {
+        (None, _) => "simulated in this process".to_owned(),
+        (Some(interface), Pace::Virtual) => format!("simulated behind {interface}"),
+        (Some(interface), Pace::Realtime) => format!("behind {interface}: real axes may move"),
     }
 }
 

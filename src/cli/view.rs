@@ -23,7 +23,7 @@ use crate::offline::tune::Judged;
 use crate::rt::cycle::procedure::Programme;
 
 /// A table with a left-hand column of names and right-aligned numbers.
-fn table(heads: &[&str]) -> Table {
+pub(super) fn table(heads: &[&str]) -> Table {
     let mut table = Table::new();
     table.load_style(presets::NOTHING).set_header(heads);
     for column in table.column_iter_mut().skip(1) {

@@ -162,7 +162,11 @@ fn axis(section: Section<'_>, cycle: &Cycle, sets: &[String], shelf: &Shelf<'_>)
     let encoder = section.section("motor-encoder");
     let velocity_estimate = encoder.choice(
         "velocity-estimate",
-        &[("difference", VelocityEstimate::Difference), ("second-order", VelocityEstimate::SecondOrder)],
+        &[
+            ("difference", VelocityEstimate::Difference),
+            ("second-order", VelocityEstimate::SecondOrder),
+            ("mean", VelocityEstimate::Mean),
+        ],
     );
     let table = section.optional_section("table-scale");
     let senses = (sense(&encoder), table.as_ref().map_or(Sense::Along, sense));

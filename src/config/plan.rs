@@ -87,12 +87,18 @@ fn within(
 }
 
 impl Machine {
+    /// Number of the gain set of a plan.
+    ///
+    /// # Errors
+    /// When there is no such gain set.
+    pub fn planned_gain_set(&self, name: &str) -> Result<u8, PlanError> {
+        self.gain_set(name)
+            .ok_or_else(|| PlanError::NoGainSet { wanted: name.to_owned(), known: self.gain_sets.join(", ") })
+    }
+
     /// The circular test that was asked for.
     pub fn circle_test(&self, request: &CircleRequest) -> Result<CircleTest, PlanError> {
-        let gain_set = self.gain_set(&request.gains).ok_or_else(|| PlanError::NoGainSet {
-            wanted: request.gains.clone(),
-            known: self.gain_sets.join(", "),
-        })?;
+        let gain_set = self.planned_gain_set(&request.gains)?;
         if self.axes.count() < 2 {
             return Err(PlanError::TooFewAxes { machine: self.name.clone(), axes: self.axes.count() });
         }

@@ -7,6 +7,7 @@
 
 use std::f64::consts::TAU;
 
+use super::effects::control::Otherwise;
 use super::effects::{Action, Effects, Entry, Values};
 use super::friction;
 use crate::base::time::Span;
@@ -123,6 +124,10 @@ impl Parameters {
         Acceleration::m_per_s2(
             torque_nm.abs() / self.mechanics.inertia_kg_m2 * self.mechanics.travel_per_rad_m(),
         )
+    }
+    /// What the control that moves it does otherwise than its file says.
+    pub fn otherwise(&self) -> Otherwise {
+        self.effects.otherwise()
     }
     /// The same axis without friction.
     #[must_use]

@@ -46,7 +46,7 @@ pub(crate) fn random(seed: u64) -> Pair {
         plant.mechanics.mass_kg *= between(0.8, 1.2);
         plant.actuator.current_loop_hz *= between(0.8, 1.3);
         let ripple = effects::entry("screw-ripple").expect("an effect of the catalogue");
-        *plant = plant.with_effect(ripple, [2.0 * SQRT_2, between(0.0, 360.0), 0.0]);
+        *plant = plant.with_effect(ripple, [2.0 * SQRT_2, 1.0, between(0.0, 360.0)]);
         believed.axes[id].plant.mechanics.mass_kg = plant.mechanics.mass_kg;
         let off: f64 = StandardNormal.sample(&mut random);
         plant.actuator.torque_constant_nm_per_a *= 1.0 + 0.01 * TORQUE_CONSTANT_PERCENT / 1.96 * off;

@@ -13,7 +13,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::stage::StageArguments;
+use super::stage::{ForceArguments, StageArguments};
 use super::tune::request::SearchArguments;
 use super::{Outcome, print_json, print_text};
 
@@ -24,6 +24,8 @@ use setup::Setup;
 pub(super) struct Arguments {
     #[command(flatten)]
     stage: StageArguments,
+    #[command(flatten)]
+    forces: ForceArguments,
     /// Take every step without asking
     #[arg(long)]
     yes: bool,

@@ -143,7 +143,7 @@ fn identify(setup: &Setup<'_>, file: &mut MachineFile, told: &mut Told) -> anyho
     ended(&ending, &written, lost_records, told)?;
 
     let logs = Logs::open(&[log])?;
-    let tolerance = setup.arguments.stage.torque_constant_tolerance_percent;
+    let tolerance = setup.arguments.forces.torque_constant_tolerance_percent;
     let axes = logs.identify_all(Settings { torque_constant_tolerance_percent: tolerance })?;
     told.identified = axis::findings(&axes);
     let taken = write_back::put(file, machine, &axes, &Origin::of(&logs))?;

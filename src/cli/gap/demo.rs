@@ -1,27 +1,25 @@
-//! `quadrant gap demo`: hides an effect in a simulated machine, records circles of it, and finds it from the machine
+//! `quadrant gap demo`: hides an effect in a simulated machine, records the runs that show it, and finds it from the machine
 //! file, which does not know of it.
 
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::path::PathBuf;
 
 use anyhow::ensure;
 use clap::Args;
 
-use super::super::circle::live::header;
-use super::super::live::{Job, out_folder, outcome_of, stamp_now, stop_wish, with_losses};
-use super::super::{Outcome, machine};
-use super::{Gap, axis_of, read};
+use super::super::live::{out_folder, stamp_now, stop_wish};
+use super::super::{Outcome, axis_of, machine};
+use super::record::{Recorder, listed};
+use super::{Gap, read};
 use crate::config::Machine;
-use crate::config::plan::CircleRequest;
 use crate::log::Pace;
 use crate::offline::gap::analysis::Request;
-use crate::offline::gap::demo::{Hidden, circles};
+use crate::offline::gap::demo::Hidden;
 use crate::offline::gap::name::NamedEffect;
+use crate::offline::gap::plan::Recordings;
 use crate::offline::gap::runs::Intake;
+use crate::offline::identify::plan;
 use crate::plant::effects::{Entry, entry};
-use crate::rt::cycle::procedure::Programme;
-use crate::run::{Origin, Place};
+use crate::run::Place;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
@@ -61,11 +59,20 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let plant = hidden.machine(&machine);
     let folder = out_folder(arguments.out.as_deref(), &format!("{}-gap-demo", stamp_now()))?;
     let place = Place { pace: Pace::Virtual, interface: None, seed: arguments.seed };
-    let stop = stop_wish(&place)?;
+    let recorder = Recorder {
+        machine: &machine,
+        plant: &plant,
+        place: &place,
+        allow_jitter: false,
+        stop_wish: stop_wish(&place)?,
+        folder: &folder,
+    };
+    let wanted = plan::Request { gains: arguments.gains.clone(), axes: Vec::new() };
+    let recordings = Recordings::of(&machine, &wanted, None)?.only(hidden.entry, hidden.axis);
+    eprintln!("{}", listed(&recordings.runs));
     let mut intake = Intake::default();
-    for (name, request) in circles(&arguments.gains) {
-        let log = folder.join(format!("{name}.mcap"));
-        let outcome = record([&machine, &plant], &request, name, &log, &place, &stop)?;
+    for run in &recordings.runs {
+        let (log, outcome) = recorder.record(run, &wanted)?;
         if outcome != Outcome::Done {
             return Ok(outcome);
         }
@@ -86,6 +93,11 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
 
 fn hidden(arguments: &Arguments, machine: &Machine) -> anyhow::Result<Hidden> {
     let entry = arguments.effect;
+    ensure!(
+        !entry.is_of_control(),
+        "--effect: {} is of the control of a machine; a simulated machine moves under ours, which has none of it",
+        entry.name
+    );
     let mut values = entry.nominal();
     if let Some(amount) = arguments.amount {
         let first = &entry.parameters[0];
@@ -100,30 +112,4 @@ fn hidden(arguments: &Arguments, machine: &Machine) -> anyhow::Result<Hidden> {
         values[0] = amount;
     }
     Ok(Hidden { axis: axis_of(machine, &arguments.axis)?, entry, values, seed: arguments.seed })
-}
-
-/// Runs circles on a machine with what stands behind its boards, and keeps their log.
-fn record(
-    [machine, plant]: [&Machine; 2],
-    request: &CircleRequest,
-    title: &'static str,
-    log: &Path,
-    place: &Place<'_>,
-    stop: &Arc<AtomicBool>,
-) -> anyhow::Result<Outcome> {
-    let test = machine.circle_test(request)?;
-    let job = Job {
-        machine,
-        plant,
-        programme: Programme::from(test),
-        place,
-        allow_jitter: false,
-        stop_wish: Arc::clone(stop),
-        log,
-        title,
-        duration_s: test.duration_s(),
-    };
-    let header = |origin: &Origin| header(machine, request, &test, origin, place);
-    let (recorded, ()) = job.run(header, |_| (None, ()))?;
-    Ok(with_losses(outcome_of(&recorded.ending), &recorded.log, recorded.lost_records))
 }

@@ -2,7 +2,9 @@
 //! with it.
 
 mod demo;
+mod plan;
 mod printed;
+mod record;
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -12,8 +14,7 @@ use clap::{Args, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::live::{beside, stamp_now};
-use super::{Outcome, machine, print_json, print_text};
-use crate::base::axis::AxisId;
+use super::{Outcome, axes_of, machine, print_json, print_text};
 use crate::config::edit::MachineFile;
 use crate::config::{self, Machine};
 use crate::log::Reader;
@@ -54,9 +55,10 @@ pub(super) struct Arguments {
     /// Write what was named into this file: the machine file itself, whose old text is kept beside it, or a new one
     #[arg(long, value_name = "FILE")]
     write: Option<PathBuf>,
-    /// Write a page with the gap before and after, over the coordinates that it lives on, into this folder
+    /// Put a page with the gap before and after, over the coordinates that it lives on, and all that --json prints into
+    /// this folder
     #[arg(long, value_name = "FOLDER")]
-    report: Option<PathBuf>,
+    out: Option<PathBuf>,
     /// Print one JSON object
     #[arg(long)]
     json: bool,
@@ -66,11 +68,14 @@ pub(super) struct Arguments {
 enum Verb {
     /// Hide an effect in a simulated machine, record circles of it, and find it
     Demo(demo::Arguments),
+    /// Record the runs of a machine that show every effect
+    Plan(plan::Arguments),
 }
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     match &arguments.verb {
         Some(Verb::Demo(arguments)) => demo::run(arguments),
+        Some(Verb::Plan(arguments)) => plan::run(arguments),
         None => of_data(arguments),
     }
 }
@@ -83,7 +88,7 @@ fn of_data(arguments: &Arguments) -> anyhow::Result<Outcome> {
         None => None,
     };
     let machine = machine_of(arguments)?;
-    let axes = arguments.axes.iter().map(|name| axis_of(&machine, name)).collect::<anyhow::Result<_>>()?;
+    let axes = axes_of(&machine, &arguments.axes)?;
     let mut intake = Intake::default();
     for path in &arguments.data {
         intake.extend(read(path, map.as_deref(), &machine)?);
@@ -92,16 +97,8 @@ fn of_data(arguments: &Arguments) -> anyhow::Result<Outcome> {
     if let Some(path) = &arguments.write {
         gap.write(path)?;
     }
-    gap.tell(arguments.report.as_deref(), arguments.json)?;
+    gap.tell(arguments.out.as_deref(), arguments.json)?;
     Ok(Outcome::Done)
-}
-
-/// The axis of a name.
-fn axis_of(machine: &Machine, name: &str) -> anyhow::Result<AxisId> {
-    let known = machine.axis_names();
-    machine.axes.axes().find(|id| known[id.index()] == name).with_context(|| {
-        format!("no axis \"{name}\" in machine {}; it has {}", machine.name, known.join(", "))
-    })
 }
 
 /// What runs say of a machine.
@@ -129,15 +126,16 @@ impl<'m> Gap<'m> {
         Ok(Self { machine, analysis: analysis?, intake, origin })
     }
 
-    /// Prints it, with a page in a folder if there is to be one.
-    fn tell(&self, report: Option<&Path>, json: bool) -> anyhow::Result<()> {
+    /// Prints it, and puts it into a folder if there is one.
+    fn tell(&self, out: Option<&Path>, json: bool) -> anyhow::Result<()> {
         let Self { machine, intake, analysis, origin } = self;
         let mut after = MachineFile::create(Path::new("machine.toml"), machine)?;
         let is_changed = write_back::put(&mut after, machine, analysis, origin)?;
         let after = is_changed.then(|| after.text());
         let mut printed = Printed::new(machine, &intake.runs, analysis, intake.repaired.clone(), after);
-        if let Some(folder) = report {
+        if let Some(folder) = out {
             printed.report = Some(report::gap::write(folder, machine, analysis, &printed.rows())?);
+            report::gap::write_json(folder, &serde_json::to_string_pretty(&printed)?)?;
         }
         if json { print_json(&printed) } else { print_text(&printed.text()) }
     }

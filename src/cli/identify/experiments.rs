@@ -1,31 +1,29 @@
 //! Runs the experiments of a machine and keeps their log: first says what will move, how far, how fast and how
 //! long, and on a real machine asks.
 
-use std::io::{IsTerminal, Write};
 use std::path::PathBuf;
 
-use anyhow::{Context, bail};
+use anyhow::bail;
 
-use super::super::live::{Job, moves_a_machine, out_folder, outcome_of, stamp_now, stop_wish, with_losses};
-use super::super::{Outcome, view};
+use super::super::live::{Job, out_folder, outcome_of, stamp_now, stop_wish, with_losses};
+use super::super::stage::{may_move, whereabouts};
+use super::super::{Outcome, axes_of, view};
 use super::{Arguments, logs};
-use crate::base::axis::AxisId;
 use crate::config::Machine;
-use crate::log::{Header, Pace};
+use crate::log::Header;
 use crate::offline::identify::plan::{Plan, Request};
 use crate::run::{self, Origin, Place};
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let [machine, plant] = arguments.stage.machines()?;
-    let request = Request { gains: arguments.gains.clone(), axes: axes(arguments, &machine)? };
+    let request = Request { gains: arguments.gains.clone(), axes: axes_of(&machine, &arguments.axes)? };
     let plan = Plan::of(&machine, &request)?;
     if plan.steps.is_empty() {
         bail!("machine {}: no experiment is possible: {}", machine.name, plan.left_out.join("; "));
     }
     let place = arguments.stage.place(arguments.seed);
     announce(&machine, &plan, &place);
-    if moves_a_machine(&place) && !arguments.yes && !agreed()? {
-        eprintln!("nothing was moved");
+    if !may_move(&place, arguments.yes)? {
         return Ok(Outcome::NotDone);
     }
     let log = log_file(arguments, &machine)?;
@@ -52,25 +50,8 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     Ok(if outcome == Outcome::Done { analysed } else { outcome })
 }
 
-/// The axes of `--axes`; empty: all.
-fn axes(arguments: &Arguments, machine: &Machine) -> anyhow::Result<Vec<AxisId>> {
-    let known = machine.axis_names();
-    let one = |name: &String| -> anyhow::Result<AxisId> {
-        let place = known.iter().position(|axis| axis == name);
-        let place =
-            place.with_context(|| format!("--axes: no axis {name}; there are {}", known.join(", ")))?;
-        Ok(AxisId::new(place))
-    };
-    arguments.axes.iter().map(one).collect()
-}
-
 fn announce(machine: &Machine, plan: &Plan, place: &Place<'_>) {
-    let at = match (place.interface, place.pace) {
-        (None, _) => "simulated in this process".to_owned(),
-        (Some(interface), Pace::Virtual) => format!("simulated behind {interface}"),
-        (Some(interface), Pace::Realtime) => format!("behind {interface}: real axes may move"),
-    };
-    eprintln!("machine {}, {at}", machine.name);
+    eprintln!("machine {}, {}", machine.name, whereabouts(place));
     say(machine, plan);
 }
 
@@ -81,18 +62,6 @@ pub(in crate::cli) fn say(machine: &Machine, plan: &Plan) {
     eprintln!("{}", view::experiments(&plan.summary()));
     plan.left_out.iter().for_each(|why| eprintln!("left out: {why}"));
     eprintln!("Ctrl-C brings the axes to rest along their path");
-}
-
-/// Whether the person at the terminal wants it.
-fn agreed() -> anyhow::Result<bool> {
-    if !std::io::stdin().is_terminal() {
-        bail!("refused to move a machine unasked: there is no terminal to ask at; --yes says yes beforehand");
-    }
-    eprint!("Is the travel free, and somebody at the emergency stop? Type yes to start: ");
-    std::io::stderr().flush()?;
-    let mut answer = String::new();
-    std::io::stdin().read_line(&mut answer)?;
-    Ok(answer.trim() == "yes")
 }
 
 fn log_file(arguments: &Arguments, machine: &Machine) -> anyhow::Result<PathBuf> {

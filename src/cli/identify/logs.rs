@@ -21,7 +21,7 @@ pub(super) fn run(arguments: &Arguments, paths: &[PathBuf]) -> anyhow::Result<Ou
     }
     // A file that cannot take anything is refused before the work.
     let target = arguments.write.as_deref().map(|file| Target::open(file, &logs)).transpose()?;
-    let torque_constant_tolerance_percent = arguments.stage.torque_constant_tolerance_percent;
+    let torque_constant_tolerance_percent = arguments.forces.torque_constant_tolerance_percent;
     let settings = Settings { torque_constant_tolerance_percent };
     let axes = logs.identify_all(settings)?;
     let found = axis::findings(&axes);

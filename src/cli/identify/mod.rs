@@ -10,12 +10,14 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::Outcome;
-use super::stage::StageArguments;
+use super::stage::{ForceArguments, StageArguments};
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
     #[command(flatten)]
     stage: StageArguments,
+    #[command(flatten)]
+    forces: ForceArguments,
     /// Gain set of the machine file during the experiments
     #[arg(long, default_value = "standard", value_name = "NAME")]
     gains: String,

@@ -29,6 +29,14 @@ pub(super) fn of(machine: &Machine, axes: &[AxisReport]) -> Vec<Warning> {
             loops(report, set, &mut |message| warn(&key, message));
         }
         limits(machine, id, report, &mut warn);
+        for (entry, _) in machine.axes[id].plant.effects.present().filter(|(entry, _)| entry.is_of_control())
+        {
+            warn(
+                &format!("effects.{}", entry.name),
+                "is of a control that recorded data: on a bus the control is the cycle, which has none of it"
+                    .to_owned(),
+            );
+        }
     }
     warnings
 }
@@ -181,6 +189,10 @@ mod tests {
             "current-a" => axis.control.limits.current = Current::a(4.0),
             _ => axis.control.limits.standstill = Velocity::mm_per_s(1e-5),
         };
+        let filter = crate::plant::effects::entry("command-filter").expect("an effect of the catalogue");
+        let filtered =
+            |axis: &mut config::machine::Axis| axis.plant = axis.plant.with_effect(filter, filter.nominal());
+        assert_warns(filtered, "axis.x.effects.command-filter", "has none of it");
         for (key, words) in [
             ("travel-max-mm", "up to 149.0 mm of radius"),
             ("current-a", "together need 4.30 A"),

@@ -12,6 +12,8 @@ use crate::base::sample::{Freshness, Sample};
 use crate::base::setpoint::Setpoint;
 use crate::base::units::{Current, Position};
 use crate::config::Machine;
+use crate::offline::closed_axis::gains_of;
+use crate::plant::effects::control::Remembered;
 use crate::rt::control::{AxisLoop, Settings};
 use crate::rt::drive::sheet::CommandApplies;
 use crate::rt::drive::velocity::VelocityEstimator;
@@ -23,7 +25,9 @@ pub fn replayed(machine: &Machine, id: AxisId, gain_set: u8, run: &AxisRun, phas
     let every = machine.cycle.position_every as usize;
     let tick = axis.control.tick;
     let mut settings = Settings { gain_set_count: 1, ..axis.control };
-    settings.gain_sets[0] = axis.control.gain_sets[usize::from(gain_set)];
+    let otherwise = axis.plant.otherwise();
+    let mut remembered = Remembered::default();
+    settings.gain_sets[0] = gains_of(&otherwise, axis.control.gain_sets[usize::from(gain_set)]);
     let mut loops = AxisLoop::new(&settings);
     let mut estimator = VelocityEstimator::new(axis.velocity_estimate, tick);
     let keep = (-tick.as_s() / axis.plant.actuator.lag_s()).exp();
@@ -45,6 +49,7 @@ pub fn replayed(machine: &Machine, id: AxisId, gain_set: u8, run: &AxisRun, phas
                 ..Sample::default()
             };
             let setpoint = Setpoint { position: Position::m(run.setpoint_m[row]), ..Setpoint::default() };
+            let setpoint = otherwise.setpoint(&mut remembered, &setpoint, tick);
             // The velocity of the first rows is not known yet.
             if row == 3 {
                 loops.take_over(

@@ -28,6 +28,7 @@ pub mod locate;
 pub mod logged;
 pub mod model;
 pub mod name;
+pub mod plan;
 pub mod problem;
 pub mod repeats;
 pub mod runs;

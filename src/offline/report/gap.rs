@@ -33,6 +33,14 @@ pub fn write(
     put(folder, "gap.html", page(machine, analysis, rows).as_bytes())
 }
 
+/// Writes `gap.json` into a folder that is there.
+///
+/// # Errors
+/// When it cannot be written; no half-written file is left behind.
+pub fn write_json(folder: &Path, json: &str) -> Result<PathBuf, ReportError> {
+    put(folder, "gap.json", format!("{json}\n").as_bytes())
+}
+
 fn page(machine: &Machine, analysis: &Analysis<'_>, rows: &[[String; 4]]) -> String {
     let names = machine.axis_names();
     let body = html! {

@@ -55,9 +55,10 @@ pub(in crate::plant) struct Acting {
 }
 
 impl Acting {
-    /// The effects of an axis; nothing where it has none.
+    /// The effects of an axis; nothing where its plant has none.
     pub(in crate::plant) fn new(axis: &Parameters) -> Option<Self> {
-        (!axis.effects.is_none()).then(|| Self::of(axis, axis.effects.present()))
+        let is_of_plant = |(entry, _): (&Entry, &Values)| !entry.is_of_control();
+        axis.effects.present().any(is_of_plant).then(|| Self::of(axis, axis.effects.present()))
     }
 
     /// These effects in an axis.
@@ -77,8 +78,8 @@ impl Acting {
         let mut memories = 0;
         for (entry, values) in effects {
             match entry.action {
-                // Is in the parameters already.
-                Action::Parameter(_) => {}
+                // Is in the parameters already; is no matter of the plant.
+                Action::Parameter(_) | Action::Control(_) => {}
                 Action::Friction(make) => acting.friction.push(make(values, axis)),
                 Action::Bristles(make) => acting.bristles = Some(make(values, axis)),
                 Action::Force(make) => {
@@ -153,11 +154,6 @@ impl Acting {
         self.forces.iter().map(|forced| forced.force.on_table_n(at, forced.memory(all))).sum()
     }
 
-    /// What is added to the command of the current loop, N.
-    pub(in crate::plant) fn on_command_n(&self, all: &Remembered, step_s: f64) -> f64 {
-        self.forces.iter().map(|forced| forced.force.on_command_n(forced.memory(all), step_s)).sum()
-    }
-
     /// What motor encoder and table scale show too much at these places, m.
     pub(in crate::plant) fn reading_errors_m(&self, places_m: [f64; 2], all: &Remembered) -> [f64; 2] {
         let sum = |readings: &[Box<dyn Reading>], place_m: f64| -> f64 {
@@ -182,7 +178,6 @@ fn steady(velocity: Velocity, place: Position, force: Newtons) -> Instant {
     let (speed, place_m) = (velocity.as_m_per_s(), place.as_m());
     Instant {
         motor_m: place_m,
-        motor_m_per_s: speed,
         table_m: place_m,
         table_m_per_s: speed,
         deflection_m: 0.0,

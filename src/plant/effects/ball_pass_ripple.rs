@@ -1,6 +1,7 @@
 //! Ball-pass ripple: friction that swings as the balls of the nut come into the load one by one.
 //!
-//! The periods in a turn are those of the cage times the balls of a turn, and no whole number. It acts as
+//! The periods in a turn are those of the cage times the balls of a turn, and no whole number; above two, where those of
+//! `screw_ripple` end. It acts as
 //! `screw_ripple` does, at another order.
 //! Invariant: the factor is positive.
 
@@ -15,7 +16,7 @@ pub(super) const ENTRY: Entry = Entry {
     equation: "F(v) (1 + a sin(2π n x / lead + φ))",
     parameters: &[
         Parameter::new("share-percent", "%", [0.0, 50.0], 2.0, 1.5),
-        Parameter::new("periods-per-turn", "", [0.1, 100.0], 7.3, 3.0),
+        Parameter::new("periods-per-turn", "", [2.1, 100.0], 7.3, 3.0),
         Parameter::PHASE,
     ],
     coordinate: Coordinate::Angle,

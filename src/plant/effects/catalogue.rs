@@ -8,6 +8,7 @@
 use std::fmt;
 
 use super::CATALOGUE;
+use super::control::Otherwise;
 use super::hooks::Action;
 
 /// Most parameters of an effect.
@@ -28,6 +29,8 @@ pub struct Parameter {
     pub nominal: f64,
     /// Standard deviation among machines: what is believed before there are data.
     pub prior: f64,
+    /// Whether the effect is there by this value alone, as it is by the first.
+    pub is_amplitude: bool,
 }
 
 impl Parameter {
@@ -42,7 +45,13 @@ impl Parameter {
         nominal: f64,
         prior: f64,
     ) -> Self {
-        Self { key, unit, bounds, nominal, prior }
+        Self { key, unit, bounds, nominal, prior, is_amplitude: false }
+    }
+
+    /// The same as an amplitude beside the first.
+    pub(super) const fn amplitude(mut self) -> Self {
+        self.is_amplitude = true;
+        self
     }
 }
 
@@ -158,6 +167,18 @@ impl Entry {
         values
     }
 
+    /// Whether it does anything with these values.
+    pub fn is_present(&self, values: &Values) -> bool {
+        let amplitudes =
+            self.parameters.iter().enumerate().map(|(place, own)| place == 0 || own.is_amplitude);
+        values.iter().zip(amplitudes).any(|(value, is_amplitude)| is_amplitude && *value != 0.0)
+    }
+
+    /// Whether it is of the control that moves the axis, and no matter of its plant.
+    pub const fn is_of_control(&self) -> bool {
+        matches!(self.action, Action::Control(_))
+    }
+
     /// Whether it is no more than another value of a parameter of the base model.
     pub const fn is_parameter(&self) -> bool {
         matches!(self.action, Action::Parameter(_))
@@ -181,7 +202,7 @@ impl Effects {
 
     /// The effects that are there, with their values.
     pub fn present(&self) -> impl Iterator<Item = (&'static Entry, &Values)> {
-        CATALOGUE.iter().zip(&self.values).filter(|(_, values)| values[0] != 0.0)
+        CATALOGUE.iter().zip(&self.values).filter(|(entry, values)| entry.is_present(values))
     }
 
     /// Whether there is none.
@@ -196,6 +217,17 @@ impl Effects {
             .zip(&self.values)
             .find(|(own, _)| own.name == entry.name)
             .map_or([0.0; 3], |(_, v)| *v)
+    }
+
+    /// What the control that moves the axis does otherwise.
+    pub(in crate::plant) fn otherwise(&self) -> Otherwise {
+        let mut otherwise = Otherwise::NOTHING;
+        for (entry, values) in self.present() {
+            if let Action::Control(set) = entry.action {
+                set(values, &mut otherwise);
+            }
+        }
+        otherwise
     }
 
     /// The same with other values of one effect.

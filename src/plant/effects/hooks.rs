@@ -7,13 +7,13 @@ use std::fmt::Debug;
 
 use super::super::params::Parameters;
 use super::Values;
+use super::control::Otherwise;
 use crate::base::units::{Force as Newtons, Position};
 
 /// The axis at one instant of a step.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::plant) struct Instant {
     pub(in crate::plant) motor_m: f64,
-    pub(in crate::plant) motor_m_per_s: f64,
     pub(in crate::plant) table_m: f64,
     pub(in crate::plant) table_m_per_s: f64,
     /// Of the screw, beyond the flank that touches.
@@ -58,10 +58,6 @@ pub(in crate::plant) enum Pace {
 
 /// A force that the base model lacks.
 pub(in crate::plant) trait Force: Debug + Send + Sync {
-    /// Added to the command of the current loop, N; held over a step, as a drive does it.
-    fn on_command_n(&self, _memory: &Memory, _step_s: f64) -> f64 {
-        0.0
-    }
     /// On the motor, N.
     fn on_motor_n(&self, _at: &Instant, _memory: &Memory) -> f64 {
         0.0
@@ -135,4 +131,6 @@ pub(in crate::plant) enum Action {
     TableScale(Made<Box<dyn Reading>>),
     /// In what the table scale shows of the next axis.
     NextAxis(Made<Box<dyn Crossing>>),
+    /// In what the control does that moves the axis.
+    Control(fn(&Values, &mut Otherwise)),
 }

@@ -3,7 +3,8 @@
 //!
 //! ```text
 //!   machine file ──► Effects ──► Acting ──► forces, friction (step.rs)   ──► Plant
-//!   [axis.*.effects.<name>]            └──► what the sensors show        ──► sim, tuning
+//!   [axis.*.effects.<name>]      │     └──► what the sensors show        ──► sim, tuning
+//!                                └──────► what a control does otherwise ──► data of another control
 //! ```
 //!
 //! An [`Entry`] says what the file may hold, what a search may take for granted, and how the effect takes part:
@@ -13,6 +14,7 @@
 
 pub(in crate::plant) mod acting;
 mod catalogue;
+pub mod control;
 mod hooks;
 pub(in crate::plant) mod step;
 
@@ -45,6 +47,8 @@ mod scale_error;
 mod thermal_growth;
 mod squareness;
 mod cross_coupling;
+mod servo_gain_mismatch;
+mod command_filter;
 mod reversal_compensation;
 
 pub use catalogue::{Coordinate, Effects, Entry, Experiment, Parameter, VALUES_MAX, Values, entry};
@@ -82,6 +86,8 @@ pub const CATALOGUE: &[Entry] = &[
     thermal_growth::ENTRY,
     squareness::ENTRY,
     cross_coupling::ENTRY,
+    servo_gain_mismatch::ENTRY,
+    command_filter::ENTRY,
     reversal_compensation::ENTRY,
 ];
 

@@ -1,11 +1,12 @@
-//! Screw ripple: friction of nut and bearings that comes back with each turn of the screw.
+//! Screw ripple: friction of nut and bearings that comes back with each turn of the screw, or with each half of it.
 //!
 //! ```text
-//!   F(v, x) = F(v) (1 + a sin(2π x / lead + φ))
+//!   F(v, x) = F(v) (1 + a sin(2π n x / lead + φ))
 //! ```
 //!
 //! `x` is the position of the table; the factor acts on the whole law of Eq. (1), on the break-away force as on
-//! the sliding one, and is the same at all speeds and both ways. 1 to 5 % are usual. Valid for the first harmonic
+//! the sliding one, and is the same at all speeds and both ways. 1 to 5 % are usual; once a turn where screw or bearings
+//! run out, twice where the screw is bent or the nut oval. More often it is `ball_pass_ripple`. Valid for one harmonic
 //! alone: real screws have others, and a share that grows with preload.
 //! Invariant: the factor is never negative, so friction only ever takes energy.
 
@@ -17,16 +18,20 @@ use super::hooks::{Action, Friction, Instant};
 pub(super) const ENTRY: Entry = Entry {
     name: "screw-ripple",
     summary: "friction that comes back with each turn of the screw",
-    equation: "F(v) (1 + a sin(2π x / lead + φ))",
-    parameters: &[Parameter::new("share-percent", "%", [0.0, 50.0], 5.0, 4.0), Parameter::PHASE],
+    equation: "F(v) (1 + a sin(2π n x / lead + φ))",
+    parameters: &[
+        Parameter::new("share-percent", "%", [0.0, 50.0], 5.0, 4.0),
+        Parameter::new("periods-per-turn", "", [0.5, 2.1], 1.0, 1.0),
+        Parameter::PHASE,
+    ],
     coordinate: Coordinate::Angle,
     experiment: Experiment::Sweep,
     aliases: &[],
     action: Action::Friction(|values, axis| {
         Box::new(Turn {
             share: 1e-2 * values[0],
-            rad_per_m: TAU / axis.mechanics.lead_m,
-            phase_rad: values[1].to_radians(),
+            rad_per_m: values[1] * TAU / axis.mechanics.lead_m,
+            phase_rad: values[2].to_radians(),
         })
     }),
 };
@@ -56,7 +61,7 @@ mod tests {
     const TICK: Span = Span::us(500);
 
     fn rippled(share: f64, phase_rad: f64) -> Parameters {
-        paper_axis().with_effect(&ENTRY, [1e2 * share, phase_rad.to_degrees(), 0.0])
+        paper_axis().with_effect(&ENTRY, [1e2 * share, 1.0, phase_rad.to_degrees()])
     }
 
     /// A rippled axis held at a speed by a stiff loop: where it is, and the current it takes, at each tick.

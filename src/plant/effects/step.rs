@@ -93,7 +93,6 @@ impl Acting {
         let place_m = body.origin_m + motor_m;
         Instant {
             motor_m: place_m,
-            motor_m_per_s,
             table_m: place_m - deflection_m,
             table_m_per_s,
             deflection_m,
@@ -145,7 +144,6 @@ impl Acting {
         let from = self.instant(body, maps, &body.motion, body.remembered.time_s);
         let end_s = from.time_s + maps.length_s;
         let start = self.loads(body, maps, &from, &body.remembered);
-        let command_n = command_n + self.on_command_n(&body.remembered, maps.length_s);
         let mut end = map.apply_loaded(&body.motion, command_n, start.motor_n, start.table_n);
         let predicted = self.instant(body, maps, &end, end_s);
         let last = self.loads(body, maps, &predicted, &self.advanced(body, maps, &from, &predicted));

@@ -133,8 +133,9 @@ fn an_effect_without_amplitude_changes_no_bit() {
 fn an_effect_with_its_usual_values_is_plain_to_see() {
     let base = run(&paper_axis(), 10);
     for entry in CATALOGUE {
-        // What the next axis does, and what takes an hour, is not to be seen here.
-        if matches!(entry.action, Action::NextAxis(_)) || entry.experiment == Experiment::Repetition {
+        // What the next axis or the control does, and what takes an hour, is not to be seen here.
+        let is_of_others = matches!(entry.action, Action::NextAxis(_) | Action::Control(_));
+        if is_of_others || entry.experiment == Experiment::Repetition {
             continue;
         }
         let axis = paper_axis().with_effect(entry, entry.nominal());

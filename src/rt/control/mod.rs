@@ -204,7 +204,8 @@ impl AxisLoop {
     }
 
     /// Take over an axis in the middle of its motion, whose motor gives `torque`: the integral holds what no
-    /// feed-forward gives. For analysis, which begins where its data do; an axis with a drive is enabled at rest.
+    /// feed-forward gives, if the loop has one. For analysis, which begins where its data do; an axis with a drive is
+    /// enabled at rest.
     pub fn take_over(&mut self, setpoint: &Setpoint, sample: &Sample, torque: Torque) {
         self.follow(sample);
         let gains = self.settings.gain_sets[usize::from(self.gain_set)];
@@ -212,7 +213,9 @@ impl AxisLoop {
         self.position_tick(&gains.position, &setpoint, sample);
         let fed = self.model.feed_forward(&gains.compensation, &self.position);
         let error_rad_per_s = (self.velocity_command - sample.velocity).as_m_per_s() * self.rad_per_m;
-        self.velocity.hold(error_rad_per_s, torque - fed.friction - fed.inertia);
+        if gains.velocity.has_integral() {
+            self.velocity.hold(error_rad_per_s, torque - fed.friction - fed.inertia);
+        }
     }
 
     /// Time passes, with or without a cycle and fresh feedback: the expected response moves on, as the

@@ -45,6 +45,28 @@ pub struct Gains {
 }
 
 impl Gains {
+    /// Whether the integral part does anything.
+    pub const fn has_integral(&self) -> bool {
+        match self.memory {
+            Memory::Integrator { gain_nm_per_rad } => gain_nm_per_rad != 0.0,
+            Memory::Lag { gain_nm_s_per_rad, .. } => gain_nm_s_per_rad != 0.0,
+        }
+    }
+
+    /// So many times these.
+    #[must_use]
+    pub fn scaled(&self, factor: f64) -> Self {
+        let memory = match self.memory {
+            Memory::Integrator { gain_nm_per_rad } => {
+                Memory::Integrator { gain_nm_per_rad: factor * gain_nm_per_rad }
+            }
+            Memory::Lag { gain_nm_s_per_rad, time_constant_s } => {
+                Memory::Lag { gain_nm_s_per_rad: factor * gain_nm_s_per_rad, time_constant_s }
+            }
+        };
+        Self { proportional_nm_s_per_rad: factor * self.proportional_nm_s_per_rad, memory }
+    }
+
     /// The integral after a tick is `keep * integral + gain * error`: both numbers.
     fn recursion(&self, tick: Span) -> (f64, f64) {
         match self.memory {

@@ -5,9 +5,10 @@
 //! |---|---|---|---|
 //! | [`Difference`](VelocityEstimate::Difference) | `(x0 - x1) / T` | `T / 2` | `√2 / T` = 1.41 / T |
 //! | [`SecondOrder`](VelocityEstimate::SecondOrder) | `(3 x0 - 4 x1 + x2) / (2 T)` | none to second order | `√26 / (2 T)` = 2.55 / T |
+//! | [`Mean`](VelocityEstimate::Mean) | `(x0 - x2) / (2 T)` | `T` | `1 / (√2 T)` = 0.71 / T |
 //!
 //! The delay is that of the answer to a slow motion: a steady acceleration `a` leaves the first
-//! behind by `a T / 2` and the second not at all; its error is `T²/3` times the jerk. Noise gain is
+//! behind by `a T / 2`, the last by `a T`, and the second not at all; its error is `T²/3` times the jerk. Noise gain is
 //! the rms of the velocity per rms of white position noise; one count of quantisation in a
 //! position shows as up to `1/T` and `2/T` counts per second.
 //!
@@ -28,6 +29,8 @@ pub enum VelocityEstimate {
     Difference,
     /// Second order backward difference of three positions: no delay to second order, more noise.
     SecondOrder,
+    /// Mean of the last two differences: a period late, half the noise of one.
+    Mean,
 }
 
 impl VelocityEstimate {
@@ -39,6 +42,7 @@ impl VelocityEstimate {
         let step = match self {
             Self::Difference => -back(1.0) + 1.0,
             Self::SecondOrder => (back(2.0) - back(1.0) * 4.0 + 3.0) * 0.5,
+            Self::Mean => (-back(2.0) + 1.0) * 0.5,
         };
         // Per true velocity: the position is its integral, 1/s.
         step / Complex::new(0.0, turn_rad)
@@ -116,12 +120,15 @@ impl VelocityEstimator {
         let step_m_per_s = (position_m - last_m) * step_rate_hz;
         let earlier = self.last_step.replace((step_m_per_s, step_s));
         self.velocity = Velocity::m_per_s(match (self.estimate, earlier) {
-            (VelocityEstimate::Difference, _) | (VelocityEstimate::SecondOrder, None) => step_m_per_s,
+            (VelocityEstimate::Difference, _) | (_, None) => step_m_per_s,
             (VelocityEstimate::SecondOrder, Some((earlier_m_per_s, earlier_s))) => {
                 // Slope at the newest point of the parabola through three; with even steps this is
                 // (3 x0 - 4 x1 + x2) / (2 T).
                 let weight = if step_s == earlier_s { 0.5 } else { step_s / (step_s + earlier_s) };
                 step_m_per_s + weight * (step_m_per_s - earlier_m_per_s)
+            }
+            (VelocityEstimate::Mean, Some((earlier_m_per_s, earlier_s))) => {
+                (step_m_per_s * step_s + earlier_m_per_s * earlier_s) / (step_s + earlier_s)
             }
         });
         self.velocity
@@ -133,7 +140,8 @@ mod tests {
     use super::*;
 
     const PERIOD_S: f64 = 0.5e-3;
-    const BOTH: [VelocityEstimate; 2] = [VelocityEstimate::Difference, VelocityEstimate::SecondOrder];
+    const ALL: [VelocityEstimate; 3] =
+        [VelocityEstimate::Difference, VelocityEstimate::SecondOrder, VelocityEstimate::Mean];
 
     fn estimator(estimate: VelocityEstimate) -> VelocityEstimator {
         VelocityEstimator::new(estimate, Span::s(PERIOD_S))
@@ -157,7 +165,7 @@ mod tests {
 
     #[test]
     fn a_steady_motion_is_exact_over_every_gap() {
-        for estimate in BOTH {
+        for estimate in ALL {
             for gaps in [&[1, 1, 1][..], &[1, 5, 1, 1], &[3, 2], &[40]] {
                 let error = error_m_per_s(estimate, gaps, |t| 0.2 * t, |_| 0.2);
                 assert!(error.abs() < 1e-12, "{estimate:?} over {gaps:?}: {error} m/s off, bound 1e-12 m/s");
@@ -167,7 +175,7 @@ mod tests {
 
     #[test]
     fn a_steady_motion_is_exact_at_uneven_times_and_close_ones_are_skipped() {
-        for estimate in BOTH {
+        for estimate in ALL {
             let (mut estimator, mut t_us) = (estimator(estimate), 0);
             estimator.advance(Position::ZERO, 1);
             for (number, span_us) in [530, 470, 20, 980, 100, 200, 300, 500, 999].into_iter().enumerate() {
@@ -188,6 +196,8 @@ mod tests {
             |estimate, gaps: &[u32]| error_m_per_s(estimate, gaps, |t| 1.5 * t * t, |t| 3.0 * t);
         let half_a_period = accelerated(VelocityEstimate::Difference, &[1; 9]);
         assert!((half_a_period + 3.0 * PERIOD_S / 2.0).abs() < 1e-12, "{half_a_period} m/s");
+        let period = accelerated(VelocityEstimate::Mean, &[1; 9]);
+        assert!((period + 3.0 * PERIOD_S).abs() < 1e-12, "{period} m/s");
         for gaps in [&[1; 9][..], &[1, 1, 4, 1], &[2, 7]] {
             let none = accelerated(VelocityEstimate::SecondOrder, gaps);
             assert!(none.abs() < 1e-12, "over {gaps:?}: {none} m/s off, bound 1e-12 m/s");
@@ -196,7 +206,7 @@ mod tests {
 
     #[test]
     fn noise_gains_are_as_stated() {
-        for (estimate, gain) in BOTH.into_iter().zip([2.0_f64.sqrt(), 26.0_f64.sqrt() / 2.0]) {
+        for (estimate, gain) in ALL.into_iter().zip([2.0_f64.sqrt(), 26.0_f64.sqrt() / 2.0]) {
             // The gain to white noise is the norm of the answer to a single displaced position.
             let mut estimator = estimator(estimate);
             let answer = [0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
@@ -208,7 +218,7 @@ mod tests {
 
     #[test]
     fn the_response_is_that_of_the_running_estimator() {
-        for estimate in BOTH {
+        for estimate in ALL {
             for periods_per_turn in [8_u32, 40, 400] {
                 let omega = std::f64::consts::TAU / (f64::from(periods_per_turn) * PERIOD_S);
                 let at = |tick: u32| Complex::from_polar(1.0, omega * PERIOD_S * f64::from(tick));
@@ -232,7 +242,7 @@ mod tests {
 
     #[test]
     fn a_reset_forgets() {
-        for estimate in BOTH {
+        for estimate in ALL {
             let mut estimator = estimator(estimate);
             estimator.advance(Position::m(0.0), 1);
             estimator.advance(Position::m(1.0), 1);

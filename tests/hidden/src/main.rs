@@ -48,7 +48,7 @@ enum Verb {
         quadrant: PathBuf,
         /// What it is called with, between spaces: {machine} is the machine file, {runs} all runs, {fit} those for
         /// fitting and {heldout} the others
-        #[arg(long, default_value = "gap --json --machine {machine} {runs}")]
+        #[arg(long, default_value = "gap --json --machine {machine} --data {runs}")]
         arguments: String,
         /// Folder of cases and answers
         #[arg(long)]

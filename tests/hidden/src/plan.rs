@@ -55,7 +55,7 @@ impl Severity {
 }
 
 /// What a case is about.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum Role {
     /// One effect that has a name.
@@ -100,6 +100,9 @@ pub struct Choice {
     /// Only this effect, and no case without it
     #[arg(long, value_name = "NAME")]
     pub only: Option<String>,
+    /// Only cases of this kind
+    #[arg(long)]
+    pub role: Option<Role>,
     /// Only this severity
     #[arg(long)]
     pub severity: Option<Severity>,
@@ -201,7 +204,7 @@ fn is_wanted(plan: &Plan, choice: &Choice) -> bool {
         plan.role == Role::Single
             && plan.what.iter().any(|what| matches!(what, What::Named(kind) if kind.name() == wanted))
     });
-    severity && name
+    severity && name && choice.role.is_none_or(|wanted| plan.role == wanted)
 }
 
 /// A role as the truth writes it.

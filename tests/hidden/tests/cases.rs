@@ -103,6 +103,7 @@ fn a_case_meets_its_severity_and_is_the_same_again() {
 #[test]
 fn a_share_has_every_name_and_every_severity_in_it() {
     let choice = |share| Choice {
+        role: None,
         seed: 1,
         machines: 6,
         only: None,

@@ -6,14 +6,12 @@ use std::f64::consts::PI;
 
 use super::{Plan, Planned, Purpose};
 use crate::base::axis::{AXES_MAX, AxisId};
-use crate::base::motion::{Circle, Direction};
 use crate::base::order::Excitation;
 use crate::base::time::Span;
 use crate::base::units::{Acceleration, Position, Velocity};
 use crate::config::Machine;
 use crate::config::machine::AXIS_NAMES;
-use crate::config::plan::CircleRequest;
-use crate::rt::control::profile::{CircleMotion, line_duration_s};
+use crate::rt::control::profile::line_duration_s;
 use crate::rt::cycle::procedure::{Step, Way};
 
 /// Speeds of steady runs, mm/s: below a millimetre per second the fall of friction, above it the sliding.
@@ -42,10 +40,6 @@ const REST_S: f64 = 0.3;
 const INERTIA_RUNS: usize = 6;
 const INERTIA_SPEED: Velocity = Velocity::mm_per_s(200.0);
 const INERTIA_STEADY_S: f64 = 0.3;
-/// Circles: feed in mm/min, largest radius in mm.
-const CIRCLES: [(f64, f64, Direction); 3] =
-    [(2000.0, 150.0, Direction::Ccw), (2000.0, 150.0, Direction::Cw), (500.0, 50.0, Direction::Ccw)];
-const RADIUS_MM_MIN: f64 = 2.0;
 /// Excitation: slow feed in mm/s, lowest and highest frequency in Hz, lines, repeats.
 const EXCITED_FEED: Velocity = Velocity::mm_per_s(20.0);
 const EXCITED_FEED_MIN: Velocity = Velocity::mm_per_s(2.0);
@@ -56,13 +50,19 @@ const EXCITED_LINES: u8 = 24;
 const EXCITED_REPEATS: (u32, u32) = (3, 12);
 
 /// A plan in the making, and where the axes are by then.
-pub(super) struct Draft<'m> {
+pub(in crate::offline) struct Draft<'m> {
     pub(super) machine: &'m Machine,
-    pub(super) plan: Plan,
+    pub(in crate::offline) plan: Plan,
     pub(super) place: [Position; AXES_MAX],
 }
 
-impl Draft<'_> {
+impl<'m> Draft<'m> {
+    /// Nothing yet, with every axis where it stands.
+    pub(in crate::offline) const fn new(machine: &'m Machine, gain_set: u8) -> Self {
+        let plan = Plan { gain_set, steps: Vec::new(), left_out: Vec::new() };
+        Self { machine, plan, place: [Position::ZERO; AXES_MAX] }
+    }
+
     /// Ends of the travel that is used: the margin that the limits leave for braking stays free.
     fn room(&self, axis: AxisId) -> (Position, Position) {
         let limits = &self.machine.axes[axis].control.limits;
@@ -71,17 +71,17 @@ impl Draft<'_> {
         (limits.travel_min + free, limits.travel_max - free)
     }
 
-    fn centre(&self, axis: AxisId) -> Position {
+    pub(in crate::offline) fn centre(&self, axis: AxisId) -> Position {
         let (low, high) = self.room(axis);
         low + (high - low) / 2.0
     }
 
-    fn width(&self, axis: AxisId) -> Position {
+    pub(super) fn width(&self, axis: AxisId) -> Position {
         let (low, high) = self.room(axis);
         high - low
     }
 
-    fn speed_max(&self, axis: AxisId) -> Velocity {
+    pub(super) fn speed_max(&self, axis: AxisId) -> Velocity {
         self.machine.axes[axis].control.limits.velocity * SPEED_SHARE
     }
 
@@ -90,7 +90,7 @@ impl Draft<'_> {
     }
 
     /// How long an axis takes from the end of its setpoint until it stands.
-    fn rest_s(&self, axis: AxisId, speed: Velocity) -> f64 {
+    pub(super) fn rest_s(&self, axis: AxisId, speed: Velocity) -> f64 {
         let standstill = self.machine.axes[axis].control.limits.standstill;
         (speed / standstill).max(1.0).ln() / self.kp_per_s(axis)
     }
@@ -109,13 +109,20 @@ impl Draft<'_> {
         self.plan.steps.push(Planned { step, purpose, axis, way: distance, top_speed: way.feed, duration_s });
     }
 
-    fn run(&mut self, axis: AxisId, to: Position, feed: Velocity, steep: Acceleration, purpose: Purpose) {
+    pub(super) fn run(
+        &mut self,
+        axis: AxisId,
+        to: Position,
+        feed: Velocity,
+        steep: Acceleration,
+        purpose: Purpose,
+    ) {
         let way = self.way(axis, to, feed, steep);
         self.line(axis, to, way, Step::Line(way), purpose);
     }
 
     /// To a place, if the axis is not there.
-    pub(super) fn go(&mut self, axis: AxisId, to: Position) {
+    pub(in crate::offline) fn go(&mut self, axis: AxisId, to: Position) {
         if (to - self.place[axis.index()]).abs() > Position::um(1.0) {
             let motion = self.machine.motion;
             self.run(axis, to, motion.positioning_feed, motion.path_acceleration, Purpose::Positioning);
@@ -140,8 +147,8 @@ impl Draft<'_> {
 
     pub(super) fn of_axis(&mut self, axis: AxisId) {
         self.excited(axis);
-        self.inertia(axis);
-        self.steady(axis);
+        self.accelerate(axis, LIMIT_SHARE, INERTIA_RUNS);
+        self.steady(axis, &LADDER_MM_PER_S);
         self.break_away(axis);
         self.go(axis, self.centre(axis));
     }
@@ -213,14 +220,14 @@ impl Draft<'_> {
         }
     }
 
-    /// To and fro as steeply as half the current allows.
-    fn inertia(&mut self, axis: AxisId) {
+    /// So many lines to and fro, as steep as this share of the limits of current and acceleration allows.
+    pub(in crate::offline) fn accelerate(&mut self, axis: AxisId, share: f64, runs: usize) {
         let settings = self.machine.axes[axis].control;
         let (mechanics, limits) = (&settings.axis.mechanics, &settings.limits);
         let hold = mechanics.torque_for_force(settings.axis.friction.breakaway);
-        let torque = settings.axis.actuator.torque(limits.current) * LIMIT_SHARE - hold;
+        let torque = settings.axis.actuator.torque(limits.current) * share - hold;
         let by_torque = mechanics.acceleration_by_torque(torque);
-        let by_limit = limits.acceleration * LIMIT_SHARE;
+        let by_limit = limits.acceleration * share;
         let steep = if by_torque < by_limit { by_torque } else { by_limit };
         let feed = INERTIA_SPEED.clamp_abs(self.speed_max(axis));
         let steep_m_per_s2 = steep.as_m_per_s2();
@@ -235,19 +242,19 @@ impl Draft<'_> {
         let way = Position::m(wanted_m.min(self.width(axis).as_m()));
         let start = self.centre(axis) - way / 2.0;
         self.go(axis, start);
-        for run in 0..INERTIA_RUNS {
+        for run in 0..runs {
             let to = if run % 2 == 0 { start + way } else { start };
             self.run(axis, to, feed, steep, Purpose::Inertia);
         }
     }
 
-    /// To and fro at each speed of the ladder.
-    fn steady(&mut self, axis: AxisId) {
+    /// To and fro at each speed of a ladder.
+    pub(in crate::offline) fn steady(&mut self, axis: AxisId, ladder_mm_per_s: &[f64]) {
         let lead_m = self.machine.axes[axis].plant.mechanics.lead_m;
         let steep = self.machine.motion.path_acceleration;
         let width_m = self.width(axis).as_m();
         let fastest = self.speed_max(axis);
-        for mm_per_s in LADDER_MM_PER_S {
+        for &mm_per_s in ladder_mm_per_s {
             let feed = Velocity::mm_per_s(mm_per_s);
             if feed > fastest {
                 continue;
@@ -286,70 +293,6 @@ impl Draft<'_> {
             for to in [here + creep, here] {
                 self.rest(axis, Purpose::BreakAway);
                 self.run(axis, to, BREAK_AWAY_SPEED, steep, Purpose::BreakAway);
-            }
-        }
-    }
-
-    pub(super) fn circles(&mut self, gains: &str) {
-        let [x, y] = [AxisId::X, AxisId::Y];
-        let half_mm =
-            [x, y].map(|axis| 0.5 * self.width(axis).as_mm()).into_iter().fold(f64::INFINITY, f64::min);
-        for (feed_mm_per_min, radius_mm_max, direction) in CIRCLES {
-            let circle = Circle {
-                centre_x: self.centre(x),
-                centre_y: self.centre(y),
-                radius: Position::mm(radius_mm_max.min(half_mm)),
-                feed: Velocity::mm_per_min(feed_mm_per_min),
-                direction,
-                start_angle_rad: std::f64::consts::FRAC_PI_4,
-                revolutions: 1,
-            };
-            let request = CircleRequest { gains: gains.to_owned(), circle, directions: vec![direction] };
-            let tested = self.machine.circle_test(&request).map(|test| test.circles[0]);
-            match tested {
-                Ok(Some(motion)) if circle.radius.as_mm() >= RADIUS_MM_MIN => self.circle(motion),
-                Ok(_) => self.plan.left_out.push(format!(
-                    "no circle at {feed_mm_per_min} mm/min: the travel has room for a radius of {half_mm:.1} mm only"
-                )),
-                Err(why) => self.plan.left_out.push(format!("no circle at {feed_mm_per_min} mm/min: {why}")),
-            }
-        }
-    }
-
-    fn circle(&mut self, motion: CircleMotion) {
-        let (start, end) = (motion.start(), motion.end());
-        // To the last digit: a circle is begun from its start only.
-        let usual = self.machine.motion;
-        for (axis, to) in [(AxisId::X, start.0), (AxisId::Y, start.1)] {
-            let (feed, steep) = (usual.positioning_feed, usual.path_acceleration);
-            self.run(axis, to, feed, steep, Purpose::Positioning);
-        }
-        let duration_s = motion.duration_s();
-        self.plan.steps.push(Planned {
-            step: Step::Circle(motion),
-            purpose: Purpose::Reversal,
-            axis: None,
-            way: Position::m(motion.circle.feed.as_m_per_s() * duration_s),
-            top_speed: motion.circle.feed,
-            duration_s: duration_s + self.rest_s(AxisId::X, motion.circle.feed),
-        });
-        (self.place[0], self.place[1]) = end;
-    }
-
-    /// Reversals of one axis: lines that slow down as a circle does.
-    pub(super) fn swing(&mut self, axis: AxisId) {
-        for (feed_mm_per_min, radius_mm_max, direction) in CIRCLES {
-            if direction == Direction::Cw {
-                continue;
-            }
-            let feed = Velocity::mm_per_min(feed_mm_per_min).clamp_abs(self.speed_max(axis));
-            let radius_m = (radius_mm_max * 1e-3).min(0.3 * self.width(axis).as_m());
-            let slow = Acceleration::m_per_s2(feed.as_m_per_s().powi(2) / radius_m);
-            let way = Position::m((PI * radius_m).min(self.width(axis).as_m()));
-            let start = self.centre(axis) - way / 2.0;
-            self.go(axis, start);
-            for to in [start + way, start, start + way] {
-                self.run(axis, to, feed, slow, Purpose::Reversal);
             }
         }
     }

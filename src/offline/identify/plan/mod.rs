@@ -13,14 +13,15 @@
 //! Invariant: no step leaves the travel or passes a limit of the machine file; what a step does is known before
 //! anything moves.
 
-mod draft;
+pub(in crate::offline) mod draft;
+pub(in crate::offline) mod reversals;
 
 use std::collections::BTreeMap;
 
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use crate::base::axis::{AXES_MAX, AxisId};
+use crate::base::axis::AxisId;
 use crate::base::units::{Position, Velocity};
 use crate::config::Machine;
 use crate::config::machine::AXIS_NAMES;
@@ -103,21 +104,17 @@ impl Plan {
     /// # Errors
     /// When there is no such gain set.
     pub fn of(machine: &Machine, request: &Request) -> Result<Self, PlanError> {
-        let gain_set = machine.gain_set(&request.gains).ok_or_else(|| PlanError::NoGainSet {
-            wanted: request.gains.clone(),
-            known: machine.gain_sets.join(", "),
-        })?;
+        let gain_set = machine.planned_gain_set(&request.gains)?;
         let chosen = |axis: &AxisId| request.axes.is_empty() || request.axes.contains(axis);
         let axes: Vec<AxisId> = machine.axes.axes().filter(chosen).collect();
-        let plan = Self { gain_set, steps: Vec::new(), left_out: Vec::new() };
-        let mut draft = Draft { machine, plan, place: [Position::ZERO; AXES_MAX] };
+        let mut draft = Draft::new(machine, gain_set);
         for axis in &axes {
             draft.of_axis(*axis);
         }
         if axes.contains(&AxisId::X) && axes.contains(&AxisId::Y) {
             draft.circles(&request.gains);
         } else {
-            axes.iter().for_each(|axis| draft.swing(*axis));
+            axes.iter().for_each(|axis| draft.swings(*axis));
         }
         for axis in axes {
             draft.go(axis, Position::ZERO);

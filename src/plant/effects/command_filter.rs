@@ -1,0 +1,17 @@
+//! Command filter: setpoints that reach the loops behind a filter that nobody told of.
+//!
+//! Invariant: of the control; no force.
+
+use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
+use super::hooks::Action;
+
+pub(super) const ENTRY: Entry = Entry {
+    name: "command-filter",
+    summary: "setpoints that reach the loops behind a filter",
+    equation: "x_set / (1 + s T)",
+    parameters: &[Parameter::new("time-ms", "ms", [0.0, 1_000.0], 5.0, 5.0)],
+    coordinate: Coordinate::Acceleration,
+    experiment: Experiment::Accelerations,
+    aliases: &[],
+    action: Action::Control(|values, otherwise| otherwise.lag_s = 1e-3 * values[0]),
+};
