@@ -13,11 +13,9 @@ const MARKS: [&str; 2] = ["<!-- coverage -->\n", "<!-- /coverage -->\n"];
 /// Logs; each has two axes, and every axis is a machine of its own. All of them with `QUADRANT_FULL`, for the table.
 const LOGS: u64 = 50;
 const SOME_LOGS: u64 = 20;
-/// Bounds of the share of intervals that contain the truth, %, over all hundred machines: of one encoder alone they are
-/// too few.
+/// Bounds of the share of intervals that contain the truth, %, by parameter: of one encoder alone they are too few.
 const BOUNDS_PERCENT: [f64; 2] = [90.0, 99.0];
-/// Of fewer machines, and over all parameters: a share at one of the bounds shows a number beyond ours once in so many
-/// times.
+/// What has a share at one of these bounds shows a number beyond ours once in so many times.
 const ONCE_IN: f64 = 40.0;
 /// Parameters that say nothing of each other; the others are the same measurement again, of one way or another unit.
 const APART: [&str; 10] = [
@@ -117,11 +115,7 @@ fn intervals_contain_the_truth_as_often_as_they_say() {
         let known: usize = of.iter().map(|row| row.errors.len()).sum();
         let [itself, off] = [0, 1].map(|place| of.iter().map(|row| row.inside[place]).sum::<usize>());
         for (inside, how) in [(itself, "itself"), (off, "with its torque constant")] {
-            let bounds = if is_full {
-                BOUNDS_PERCENT.map(|percent| 0.01 * percent * known as f64)
-            } else {
-                likely(known)
-            };
+            let bounds = likely(known);
             let is_within = (bounds[0]..=bounds[1]).contains(&(inside as f64));
             assert!(known == 0 || is_within, "{name}, {how}: {inside} of {known}, bounds {bounds:?}");
         }
@@ -137,7 +131,7 @@ fn intervals_contain_the_truth_as_often_as_they_say() {
 }
 
 /// How many of so many are inside where the share is within its bounds, as the binomial distribution has it. Of one
-/// parameter of forty machines all may be inside; of all parameters together they may not.
+/// parameter of a hundred machines all may be inside; of all parameters together they may not.
 fn likely(count: usize) -> [f64; 2] {
     let of = |percent: f64| Binomial::new(0.01 * percent, count as u64).expect("a chance");
     let [low, high] = BOUNDS_PERCENT.map(of);
