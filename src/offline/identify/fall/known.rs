@@ -23,6 +23,8 @@ pub struct Uncertainty {
     pub stiffness_n_per_m: f64,
     /// All that moves, kg.
     pub moving_kg: f64,
+    /// Of friction from place to place, as a share of it: what is left of its ripple.
+    pub place: f64,
     /// Of the logarithm.
     pub current_loop: f64,
     /// Of the logarithm of the torque constant: all forces are wrong by it alike, and the weighed table is not.

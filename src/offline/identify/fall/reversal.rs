@@ -12,7 +12,8 @@ use std::ops::Range;
 use super::super::measured::Measured;
 use super::super::ripple::Ripple;
 use super::super::stretches::Stretch;
-use super::signature::{Signature, signature};
+use super::Chance;
+use super::signature::{Signature, of_reversal};
 use crate::base::setpoint::Setpoint;
 use crate::base::units::{Acceleration, Position, Velocity};
 use crate::config::machine::Axis;
@@ -108,19 +109,20 @@ impl Reversal {
 
     /// How it looks in the log.
     pub fn signature(&self, period_s: f64) -> Signature {
-        signature(&self.asked_n[self.seen.clone()], period_s)
+        of_reversal(&self.asked_n[self.seen.clone()], period_s)
     }
 
-    /// How it looks of an axis whose motor is a share of a count, -0.5 to 0.5, beside the place of the first row.
-    pub fn simulated(&self, axis: &Axis, count: f64) -> Signature {
-        signature(&self.simulated_n(axis, count, self.seen.end)[self.seen.clone()], axis.control.tick.as_s())
+    /// How it looks of an axis.
+    pub(super) fn simulated(&self, axis: &Axis, chance: Chance) -> Signature {
+        let asked_n = &self.simulated_n(axis, chance, self.seen.end)[self.seen.clone()];
+        of_reversal(asked_n, axis.control.tick.as_s())
     }
 
     /// Asked for by the loops of an axis in the first so many rows, N.
-    fn simulated_n(&self, axis: &Axis, count: f64, rows: usize) -> Vec<f64> {
+    fn simulated_n(&self, axis: &Axis, chance: Chance, rows: usize) -> Vec<f64> {
         let mut axis = *axis;
-        axis.plant.friction = axis.plant.friction.scaled(self.factor);
-        let start = self.position + axis.scale.motor_resolution() * count;
+        axis.plant.friction = axis.plant.friction.scaled(self.factor * chance.friction);
+        let start = self.position + axis.scale.motor_resolution() * chance.count;
         let plant = Plant::sliding(&axis.plant, axis.control.tick, self.velocity, start);
         let gains = axis.control.gain_sets[usize::from(self.gain_set)];
         let mut run = ClosedAxis::sliding(&axis, plant, start, self.velocity, &gains);
@@ -135,7 +137,7 @@ impl Reversal {
 
     /// The whole stretch: time in s, asked for in the log and of an axis, N.
     pub fn beside(&self, axis: &Axis) -> Vec<[f64; 3]> {
-        let simulated_n = self.simulated_n(axis, 0.0, self.stretch.end);
+        let simulated_n = self.simulated_n(axis, Chance::NONE, self.stretch.end);
         let time_s = |row: usize| (row - self.stretch.start) as f64 * axis.control.tick.as_s();
         self.stretch.clone().map(|row| [time_s(row), self.asked_n[row], simulated_n[row]]).collect()
     }

@@ -1,8 +1,11 @@
 //! The search for the falling part of one variant: region by region, each the likely part of the one before.
 //!
-//! A region is a box of the logarithms of `D_v` and `D_v' / D_v`. Axes are drawn all over it, and how likely each of its
-//! points is comes from what they look like (`surface`). The likely part becomes the next region, because over a
-//! small one what the axes look like is nearly a parabola. Units: mm/s.
+//! A region is a box of the logarithms of `F_max`, `D_v` and `D_v' / D_v`. Axes are drawn all over it, and how likely
+//! each of its points is comes from what they look like (`surface`), compressed to a number for each coordinate
+//! (`compressed`); of `F_max` also from what was known of it before. The likely part becomes the next region, because
+//! over a small one what the axes look like is nearly a parabola. Whether the best of it explains what was seen is asked
+//! of all the numbers.
+//! Units: N, mm/s.
 //! Invariant: all chance comes from the number of the round and of the draw, so the answer is the same on any number of
 //! threads.
 
@@ -10,26 +13,33 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
 
+use super::compressed::Compressed;
 use super::known::Known;
 use super::signature::PARTS_SEEN;
 use super::surface::Surface;
-use super::{Halves, Reversals, Signature};
-use crate::base::units::Velocity;
+use super::{Evidence, Seen, Signature};
+use crate::base::units::{Force, Velocity};
 use crate::plant::friction::{Parameters, Variant};
 
 /// Where `D_v` is looked for, mm/s, and `D_v'` as a share of it.
 const END_MM_PER_S: [f64; 2] = [0.1, 2.0];
 const SHARE: [f64; 2] = [0.03, 0.95];
-/// Axes drawn in a region, for each of its coordinates.
-const DRAWS: u64 = 60;
+/// Coordinates of a region; the linear variant has no `SHARE_AT`.
+const BREAKAWAY_AT: usize = 0;
+const END_AT: usize = 1;
+const SHARE_AT: usize = 2;
+/// Of what the first region is bounded by what was known before.
+const ANYWHERE: [f64; 2] = [0.0, f64::INFINITY];
 /// Over the first region what is seen bends more than over a part of it.
 const DEGREES: [usize; 2] = [3, 2];
-/// Points of a region each way, with one coordinate and with two.
-const POINTS: [usize; 2] = [201, 41];
+/// Points of a region each way.
+const POINTS: usize = 21;
 /// The next region reaches so many standard deviations to either side, and no less than this share of the region
 /// before: what looks likely over all of the plane is sometimes beside it.
 const REACH: f64 = 3.0;
 const REACH_MIN: f64 = 0.35;
+/// Least `F_max`, as a multiple of `F_low`.
+const BREAKAWAY_MIN: f64 = 1.001;
 /// Half of a 95 % interval in standard deviations.
 const OF_95: f64 = 1.96;
 /// An interval wider than this, as a factor, says nothing.
@@ -60,6 +70,11 @@ impl Spread {
         (factor * factor < TELLING).then(|| Told { value, ci95: [value / factor, value * factor] })
     }
 
+    /// All that is likely, and some more.
+    fn reach(self) -> [f64; 2] {
+        [self.mean - REACH * self.std, self.mean + REACH * self.std]
+    }
+
     /// Whether all that is likely lies within bounds: outside nobody looked.
     fn is_within(self, bounds: [f64; 2]) -> bool {
         let [low, high] = bounds.map(f64::ln);
@@ -71,9 +86,11 @@ impl Spread {
 #[derive(Clone, Debug)]
 struct Look {
     draws: Vec<Draw>,
-    end: Spread,
-    /// Of a drop there is none.
-    share: Option<Spread>,
+    /// The region they were drawn from.
+    region: Vec<[f64; 2]>,
+    /// Of each coordinate.
+    spreads: Vec<Spread>,
+    /// Of `D_v'`, which a drop has not.
     start: Option<Spread>,
     misfit: f64,
     left_n: f64,
@@ -83,8 +100,11 @@ struct Look {
 #[derive(Clone, Debug)]
 struct Draw {
     place: Vec<f64>,
-    seen: Halves,
+    seen: Seen,
 }
+
+/// A point of a region and how likely it is.
+type Weighed = (Vec<f64>, f64);
 
 /// The search.
 #[derive(Clone, Debug)]
@@ -100,83 +120,104 @@ impl Search {
     /// Anywhere.
     pub fn new(variant: Variant) -> Self {
         let region = match variant {
-            Variant::Linear => vec![END_MM_PER_S],
-            Variant::Nonlinear => vec![END_MM_PER_S, SHARE],
+            Variant::Linear => vec![ANYWHERE, END_MM_PER_S],
+            Variant::Nonlinear => vec![ANYWHERE, END_MM_PER_S, SHARE],
         };
         let region = region.into_iter().map(|ends| ends.map(f64::ln)).collect();
         Self { variant, round: 0, region, last: None }
     }
 
     /// Looks at the region, and takes the likely part of it as the next.
-    pub fn look(&mut self, reversals: &Reversals, known: &Known) {
-        let count = DRAWS * self.region.len() as u64;
+    pub fn look(&mut self, evidence: &Evidence, known: &Known) {
+        let before = before(known);
+        let bounds = [before.reach(), END_MM_PER_S.map(f64::ln), SHARE.map(f64::ln)];
+        for (ends, bounds) in self.region.iter_mut().zip(bounds) {
+            *ends = within(*ends, bounds);
+        }
         let draw = |number: u64| {
-            let mut random = Pcg64Mcg::seed_from_u64(self.round * count + number);
+            let mut random = Pcg64Mcg::seed_from_u64((self.round << 32) + number);
             let place: Vec<f64> = self.region.iter().map(|_| random.random_range(-1.0..1.0)).collect();
             let mut axis = known.drawn(&mut random);
             let fall: Vec<f64> =
                 self.region.iter().zip(&place).map(|(ends, place)| at(*ends, *place)).collect();
             put(&mut axis.plant.friction, self.variant, &fall);
-            Draw { seen: reversals.simulated(&axis, &mut random), place }
+            Draw { seen: evidence.simulated(&axis, known.uncertainty.place, &mut random), place }
         };
-        let draws: Vec<Draw> = (0..count).into_par_iter().map(draw).collect();
-        self.last = self.judge(draws, &reversals.seen.whole());
+        let draws: Vec<Draw> = (0..evidence.draws).into_par_iter().map(draw).collect();
+        self.last = self.judge(draws, &evidence.seen.whole(), before);
         self.round += 1;
-        let Some(Look { end, share, .. }) = &self.last else { return };
-        let spreads = [Some(*end), *share].into_iter().flatten();
-        for ((ends, bounds), spread) in self.region.iter_mut().zip([END_MM_PER_S, SHARE]).zip(spreads) {
+        let Some(Look { spreads, .. }) = &self.last else { return };
+        for (ends, spread) in self.region.iter_mut().zip(spreads) {
             let reach = (REACH * spread.std).max(0.5 * REACH_MIN * (ends[1] - ends[0]));
-            *ends = [(spread.mean - reach).max(bounds[0].ln()), (spread.mean + reach).min(bounds[1].ln())];
+            *ends = [spread.mean - reach, spread.mean + reach];
         }
     }
 
     /// What draws tell of what was seen; `None` where they tell nothing apart.
-    fn judge(&self, draws: Vec<Draw>, seen: &Signature) -> Option<Look> {
-        let degree = DEGREES[usize::from(self.round > 0)];
-        let surface = surface(&draws, degree, Halves::whole)?;
-        let likely = likely(&surface, seen, self.region.len());
+    fn judge(&self, draws: Vec<Draw>, seen: &Signature, before: Spread) -> Option<Look> {
+        let (likely, surface) = told(&draws, seen, self.round, &self.region, before)?;
         let coordinate = |place: &[f64], which: usize| at(self.region[which], place[which]);
         let (best, _) = likely.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
         // Where the best does not explain all, the spread is as much wider (Birge, 1932, Physical Review 40, 207).
         let misfit = surface.misfit(best, seen);
         let wider = misfit.max(1.0).sqrt();
-        let spread = |of: &dyn Fn(&[f64]) -> f64| {
+        // What a coordinate is between two points nobody asked.
+        let between = |which: usize| {
+            let [low, high] = self.region[which];
+            ((high - low) / (POINTS - 1) as f64).powi(2) / 12.0
+        };
+        let spread = |of: &dyn Fn(&[f64]) -> f64, between: f64| {
             let mean: f64 = likely.iter().map(|(place, weight)| weight * of(place)).sum();
             let square: f64 = likely.iter().map(|(place, weight)| weight * (of(place) - mean).powi(2)).sum();
-            Spread { mean, std: wider * square.sqrt() }
+            Spread { mean, std: wider * (square + between).sqrt() }
         };
         let off_n2: f64 =
             surface.expected(best).iter().zip(seen).take(PARTS_SEEN).map(|(a, b)| (a - b).powi(2)).sum();
         let has_start = self.variant == Variant::Nonlinear;
+        let of_start = |place: &[f64]| coordinate(place, END_AT) + coordinate(place, SHARE_AT);
         Some(Look {
-            end: spread(&|place| coordinate(place, 0)),
-            share: has_start.then(|| spread(&|place| coordinate(place, 1))),
-            start: has_start.then(|| spread(&|place| coordinate(place, 0) + coordinate(place, 1))),
+            spreads: (0..self.region.len())
+                .map(|which| spread(&|place| coordinate(place, which), between(which)))
+                .collect(),
+            start: has_start.then(|| spread(&of_start, between(END_AT) + between(SHARE_AT))),
             misfit,
             left_n: (off_n2 / PARTS_SEEN as f64).sqrt(),
+            region: self.region.clone(),
             draws,
         })
     }
 
     /// Gives a law the most likely falling part.
     pub fn put(&self, friction: &mut Parameters) {
-        if let Some(Look { end, share, .. }) = &self.last {
-            let fall: Vec<f64> = [Some(*end), *share].iter().flatten().map(|spread| spread.mean).collect();
+        if let Some(Look { spreads, .. }) = &self.last {
+            let fall: Vec<f64> = spreads.iter().map(|spread| spread.mean).collect();
             put(friction, self.variant, &fall);
         }
     }
 
+    /// `F_max`, N, as all of the evidence tells it.
+    pub fn breakaway_n(&self) -> Option<Told> {
+        self.last.as_ref()?.spreads[BREAKAWAY_AT].told().filter(|_| self.is_explained())
+    }
+
     /// `D_v`, if the last region tells it.
     pub fn end_mm_per_s(&self) -> Option<Told> {
-        let end = self.last.as_ref()?.end;
+        let end = self.last.as_ref()?.spreads[END_AT];
         end.told().filter(|_| self.is_explained() && end.is_within(END_MM_PER_S))
     }
 
     /// `D_v'`, if the last region tells it.
     pub fn start_mm_per_s(&self) -> Option<Told> {
-        let Look { share, start, .. } = self.last.as_ref()?;
-        let is_within = share.is_some_and(|share| share.is_within(SHARE));
+        let Look { spreads, start, .. } = self.last.as_ref()?;
+        let is_within = spreads.get(SHARE_AT).is_some_and(|share| share.is_within(SHARE));
         start.as_ref()?.told().filter(|_| self.is_explained() && is_within)
+    }
+
+    /// Whether a drop may be what a parabola was looked for: none explains what was seen, or one that begins where it ends
+    /// may.
+    pub fn may_be_a_drop(&self) -> bool {
+        let Some(Look { spreads, .. }) = &self.last else { return true };
+        !self.is_explained() || spreads.get(SHARE_AT).is_none_or(|share| share.reach()[1] > SHARE[1].ln())
     }
 
     /// Whether it is the search for this variant.
@@ -199,23 +240,37 @@ impl Search {
         self.last.as_ref().map_or(f64::INFINITY, |look| look.left_n)
     }
 
-    /// Logarithm of how probable either half of the reversals was, foretold by what the other half makes likely.
-    pub fn foretold(&self, reversals: &Reversals) -> Option<f64> {
-        let Look { draws, .. } = self.last.as_ref()?;
+    /// Logarithm of how probable either half of the reversals was, foretold by what the other half and the ramps make
+    /// likely.
+    pub fn foretold(&self, evidence: &Evidence, known: &Known) -> Option<f64> {
+        let Look { draws, region, .. } = self.last.as_ref()?;
         let degree = DEGREES[usize::from(self.round > 1)];
-        let [one, other] =
-            [0, 1].map(|half: usize| surface(draws, degree, move |seen: &Halves| seen.0[half].clone()));
-        let (one, other) = (one?, other?);
-        let of = |learnt: &Surface, from: &Signature, asked: &Surface, what: &Signature| {
-            let each = likely(learnt, from, self.region.len());
-            let most = each.iter().map(|(place, _)| asked.log_density(place, what)).fold(f64::MIN, f64::max);
-            let mean =
-                |(place, weight): &(Vec<f64>, f64)| weight * (asked.log_density(place, what) - most).exp();
-            most + each.iter().map(mean).sum::<f64>().ln()
+        let of = |from: usize, what: usize| {
+            let asked = surface(draws, degree, |seen: &Seen| seen.halves[what].clone())?;
+            let learnt = surface(draws, degree, |seen: &Seen| seen.half(from))?;
+            let (each, seen) = (
+                likely(&learnt, &evidence.seen.half(from), region, before(known)),
+                &evidence.seen.halves[what],
+            );
+            let densities: Vec<f64> = each.iter().map(|(place, _)| asked.log_density(place, seen)).collect();
+            let most = densities.iter().copied().fold(f64::MIN, f64::max);
+            let mean = |((_, weight), density): (&Weighed, &f64)| weight * (density - most).exp();
+            Some(most + each.iter().zip(&densities).map(mean).sum::<f64>().ln())
         };
-        let [first, second] = &reversals.seen.0;
-        Some(of(&one, first, &other, second) + of(&other, second, &one, first))
+        Some(of(0, 1)? + of(1, 0)?)
     }
+}
+
+/// What was known of the logarithm of `F_max` before.
+fn before(known: &Known) -> Spread {
+    let breakaway_n = known.axis.plant.friction.breakaway.as_n();
+    Spread { mean: breakaway_n.ln(), std: known.uncertainty.breakaway_n / breakaway_n }
+}
+
+/// The ends of a region within bounds; the bounds, where it lies beside them.
+fn within([low, high]: [f64; 2], bounds: [f64; 2]) -> [f64; 2] {
+    let inner = [low.max(bounds[0]), high.min(bounds[1])];
+    if inner[0] < inner[1] { inner } else { bounds }
 }
 
 /// A coordinate within the ends of a region, from its place between -1 and 1.
@@ -225,30 +280,54 @@ fn at([low, high]: [f64; 2], place: f64) -> f64 {
 
 fn put(friction: &mut Parameters, variant: Variant, fall: &[f64]) {
     friction.variant = variant;
-    friction.fall_end = Velocity::mm_per_s(fall[0].exp());
-    if let Some(share) = fall.get(1) {
+    friction.breakaway = Force::n(fall[BREAKAWAY_AT].exp().max(BREAKAWAY_MIN * friction.sliding.as_n()));
+    friction.fall_end = Velocity::mm_per_s(fall[END_AT].exp());
+    if let Some(share) = fall.get(SHARE_AT) {
         friction.fall_start = friction.fall_end * share.exp();
     }
 }
 
-fn surface(draws: &[Draw], degree: usize, of: impl Fn(&Halves) -> Signature) -> Option<Surface> {
+fn surface(draws: &[Draw], degree: usize, of: impl Fn(&Seen) -> Signature) -> Option<Surface> {
     let seen: Vec<Signature> = draws.iter().map(|draw| of(&draw.seen)).collect();
     let draws: Vec<(&[f64], &[f64])> =
         draws.iter().zip(&seen).map(|(draw, seen)| (&draw.place[..], &seen[..])).collect();
     Surface::new(&draws, degree)
 }
 
+/// Points of a region and how likely each is for what was seen, as the draws tell it; and all that they look like.
+fn told(
+    draws: &[Draw],
+    seen: &Signature,
+    round: u64,
+    region: &[[f64; 2]],
+    before: Spread,
+) -> Option<(Vec<Weighed>, Surface)> {
+    let signatures: Vec<Signature> = draws.iter().map(|draw| draw.seen.whole()).collect();
+    let whole: Vec<(&[f64], &[f64])> =
+        draws.iter().zip(&signatures).map(|(draw, seen)| (&draw.place[..], &seen[..])).collect();
+    let surface = Surface::new(&whole, DEGREES[usize::from(round > 0)])?;
+    // Over all of the first region no line tells anything.
+    if round == 0 {
+        return Some((likely(&surface, seen, region, before), surface));
+    }
+    let compressed = Compressed::new(&whole, seen)?;
+    let few: Vec<(&[f64], &[f64])> =
+        draws.iter().zip(&compressed.draws).map(|(draw, told)| (&draw.place[..], &told[..])).collect();
+    Some((likely(&Surface::new(&few, DEGREES[1])?, &compressed.seen, region, before), surface))
+}
+
 /// Points of a region and how likely each is, together 1.
-fn likely(surface: &Surface, seen: &Signature, coordinates: usize) -> Vec<(Vec<f64>, f64)> {
-    let count = POINTS[coordinates - 1];
+fn likely(surface: &Surface, seen: &Signature, region: &[[f64; 2]], before: Spread) -> Vec<Weighed> {
+    let coordinates = region.len();
     let point = |number: usize| -> Vec<f64> {
-        let step = |way: usize| number / count.pow(way as u32) % count;
-        (0..coordinates).map(|way| -1.0 + 2.0 * step(way) as f64 / (count - 1) as f64).collect()
+        let step = |way: usize| number / POINTS.pow(way as u32) % POINTS;
+        (0..coordinates).map(|way| -1.0 + 2.0 * step(way) as f64 / (POINTS - 1) as f64).collect()
     };
-    let all: Vec<(Vec<f64>, f64)> = (0..count.pow(coordinates as u32))
+    let all: Vec<Weighed> = (0..POINTS.pow(coordinates as u32))
         .map(point)
         .map(|place| {
-            let density = surface.log_density(&place, seen);
+            let off = (at(region[BREAKAWAY_AT], place[BREAKAWAY_AT]) - before.mean) / before.std;
+            let density = surface.log_density(&place, seen) - 0.5 * off * off;
             (place, density)
         })
         .collect();

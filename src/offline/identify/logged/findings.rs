@@ -16,17 +16,30 @@ impl Work<'_> {
         &self,
         values: &[f64],
         reversals: usize,
+        fall: Option<&Search>,
         put: &mut impl FnMut(&str, Finding),
     ) {
         let is_of_ramps = self.stretches.ramps.len() >= VALUES_MIN;
         let (count, what) = if is_of_ramps { (values.len(), "ramps") } else { (reversals, "reversals") };
-        let finding = |values: &[f64], more_n: f64, source: String| {
-            let (mean, half) = scatter(values)?;
-            let half_n = half.hypot(self.coarse_n());
-            Some(self.of_force(Estimate::within(mean + more_n, half_n, "N", source)).into())
-        };
+        // What all of the evidence tells beside the ramps, and what it leaves unsure of what is common to all of them.
+        let all = scatter(&sizes(values)).map(|(mean, half)| match fall.and_then(Search::breakaway_n) {
+            Some(Told { value, ci95: [low, high] }) => [value, 0.5 * (high - low), value - mean],
+            None => [mean, half.hypot(self.coarse_n()), 0.0],
+        });
         let needs = || Finding::unknown("at least 3 slow ramps from rest, or reversals in motion");
-        put("breakaway", finding(&sizes(values), 0.0, format!("{count} {what}")).unwrap_or_else(needs));
+        let both = all.map(|[value, half_n, _]| {
+            let source = match fall {
+                Some(_) => format!("{count} {what}, and as the loops make them"),
+                None => format!("{count} {what}"),
+            };
+            self.of_force(Estimate::within(value, half_n, "N", source)).into()
+        });
+        put("breakaway", both.unwrap_or_else(needs));
+        let finding = |values: &[f64], offset_n: f64, source: String| {
+            let ((mean, half), [_, common_n, more_n]) = (scatter(values)?, all?);
+            let value = mean + more_n + offset_n;
+            Some(self.of_force(Estimate::within(value, half.hypot(common_n), "N", source)).into())
+        };
         for (name, way) in [("breakaway_forward", 1.0), ("breakaway_backward", -1.0)] {
             let of_way: Vec<f64> =
                 values.iter().map(|value| value * way).filter(|value| is_of_ramps && *value > 0.0).collect();
@@ -87,12 +100,17 @@ impl Work<'_> {
         if let Some(falls) = falls {
             let best = falls.best();
             text += &format!(
-                "; the model leaves {:.1} N of the mean forces in a reversal, {:.1} of what its uncertainty makes, and \
-                 reversals it has not seen are e^{:.0} times as probable with the nonlinear variant as with the linear one",
+                "; the model leaves {:.1} N of the mean forces in a reversal, {:.1} of what its uncertainty makes, and ",
                 best.left_n(),
                 best.misfit().sqrt(),
-                falls.odds()
             );
+            text += &match falls.odds() {
+                Some(odds) => format!(
+                    "reversals it has not seen are e^{odds:.0} times as probable with the nonlinear variant as with the \
+                     linear one"
+                ),
+                None => "friction does not drop where it begins to fall".to_owned(),
+            };
         }
         text
     }

@@ -15,8 +15,9 @@ mod findings;
 
 use super::comparison::{Comparison, Model, Start};
 use super::fall::known::{Known, Uncertainty};
+use super::fall::ramp::Ramp;
 use super::fall::reversal::{Believed, Reversal};
-use super::fall::{Falls, Reversals};
+use super::fall::{Depth, Evidence, Falls};
 use super::inertia;
 use super::least_squares::student95;
 use super::measured::Measured;
@@ -43,8 +44,10 @@ const VALUES_MIN: usize = 3;
 /// How well a count of the encoder is known when the table breaks away, as half an interval: all ramps are wrong
 /// alike, so their scatter does not show it. From 100 random machines with 0.1 um and 1 um.
 const COUNTED: f64 = 0.2;
-/// Regions that are looked at for the falling part before sliding is taken again with it, and after.
-const LOOKS: [usize; 2] = [2, 3];
+/// Regions that are looked at for the falling part before sliding is taken again with it, and after; how much of the log
+/// for each. Where to look is told by little, and what is there by all that tells more.
+const LOOKS: [(usize, Depth); 2] =
+    [(2, Depth { reversals: 2, ramps: 1, draws: 100 }), (2, Depth { reversals: 6, ramps: 4, draws: 120 })];
 /// Half of a 95 % interval in standard deviations.
 const OF_95: f64 = 1.96;
 
@@ -197,11 +200,11 @@ impl<'a> Work<'a> {
         let comparisons = self.comparisons();
         let mut breakaway = self.breakaway(&comparisons);
         let mut falls: Option<Falls> = None;
-        for looks in LOOKS {
+        for (looks, depth) in LOOKS {
             let is_known = self.take_breakaway(&breakaway) && sliding.is_some();
-            let Some(reversals) = self.reversals().filter(|_| is_known) else { break };
+            let Some(evidence) = self.evidence(depth).filter(|_| is_known) else { break };
             let falls = falls.get_or_insert_default();
-            falls.look(&reversals, &self.known(), looks);
+            falls.look(&evidence, &self.known(), looks);
             if falls.best().is_explained() {
                 falls.best().put(&mut self.model.friction);
             }
@@ -212,11 +215,21 @@ impl<'a> Work<'a> {
             breakaway = self.breakaway(&comparisons);
         }
         self.take_breakaway(&breakaway);
+        if let Some(falls) = falls.as_mut().filter(|falls| falls.may_be_a_drop()) {
+            for (looks, depth) in LOOKS {
+                if let Some(evidence) = self.evidence(depth) {
+                    falls.look_for_a_drop(&evidence, &self.known(), looks);
+                }
+            }
+        }
         let best = falls.as_ref().map(Falls::best);
-        let reversals = self.reversals();
+        if let Some(best) = best.filter(|best| best.is_explained()) {
+            best.put(&mut self.model.friction);
+        }
+        let evidence = self.evidence(LOOKS[1].1);
         self.sliding_findings(sliding.as_ref(), best, &mut put);
-        self.breakaway_findings(&breakaway, comparisons.len(), &mut put);
-        fall_findings(best, reversals.as_ref().map_or(0, Reversals::count), &mut put);
+        self.breakaway_findings(&breakaway, comparisons.len(), best, &mut put);
+        fall_findings(best, evidence.as_ref().map_or(0, Evidence::count), &mut put);
         rest_findings(&mut put);
         LoggedAxis {
             findings,
@@ -224,7 +237,7 @@ impl<'a> Work<'a> {
             points,
             model: self.model,
             offset_n: self.offset_n,
-            reversal: reversals.map(|all| all.first().beside(&self.known().axis)).unwrap_or_default(),
+            reversal: evidence.map(|all| all.first().beside(&self.known().axis)).unwrap_or_default(),
             summary: self.summary(falls.as_ref()),
         }
     }
@@ -277,6 +290,7 @@ impl<'a> Work<'a> {
         let Some((mean, half)) = scatter(&sizes(values)) else { return false };
         self.model.friction.breakaway = Force::n(mean.max(self.model.friction.sliding.as_n()));
         self.uncertainty.breakaway_n = half.hypot(self.coarse_n()) / OF_95;
+        self.uncertainty.place = between_places_n(values) / mean;
         true
     }
 
@@ -313,13 +327,16 @@ impl<'a> Work<'a> {
         self.of_force(Estimate::within(1e-6 * mean, 1e-6 * half, "N/um", source)).into()
     }
 
-    fn reversals(&self) -> Option<Reversals> {
+    /// What tells the falling part.
+    fn evidence(&self, depth: Depth) -> Option<Evidence> {
         let plant = self.known().axis.plant;
         let believed =
             Believed { axis: self.axis, plant: &plant, ripple: &self.ripple, offset_n: self.offset_n };
-        let new = |stretch: &Stretch| Reversal::new(&self.measured, stretch, &believed);
-        let all = self.stretches.reversals.iter().filter_map(new).collect();
-        Reversals::new(all, self.measured.period_s)
+        let reversal = |stretch: &Stretch| Reversal::new(&self.measured, stretch, &believed);
+        let reversals: Vec<Reversal> = self.stretches.reversals.iter().filter_map(reversal).collect();
+        let ramp = |stretch: &Stretch| Ramp::new(&self.measured, stretch, &believed);
+        let ramps: Vec<Ramp> = self.stretches.ramps.iter().filter_map(ramp).collect();
+        Evidence::new(&reversals, &ramps, depth, self.measured.period_s)
     }
 
     fn comparisons(&self) -> Vec<Comparison> {
@@ -343,6 +360,19 @@ impl<'a> Work<'a> {
     fn of_force(&self, estimate: Estimate) -> Estimate {
         estimate.with_scale(self.settings.torque_constant_tolerance_percent, "torque constant")
     }
+}
+
+/// Standard deviation of values of one way from each other: friction may differ by direction.
+fn between_places_n(values: &[f64]) -> f64 {
+    let of_way =
+        |way: f64| -> Vec<f64> { values.iter().copied().filter(|value| value * way > 0.0).collect() };
+    let (mut square, mut freedom) = (0.0, 0.0);
+    for values in [of_way(1.0), of_way(-1.0)].iter().filter(|values| values.len() > 1) {
+        let mean = values.iter().sum::<f64>() / values.len() as f64;
+        square += values.iter().map(|value| (value - mean).powi(2)).sum::<f64>();
+        freedom += (values.len() - 1) as f64;
+    }
+    if freedom > 0.0 { (square / freedom).sqrt() } else { 0.0 }
 }
 
 /// Values without the sign of their way.
