@@ -9,13 +9,15 @@ use std::path::Path;
 use quadrant::base::axis::AxisId;
 use quadrant::config::edit::MachineFile;
 use quadrant::config::{self, Machine};
-use quadrant::offline::gap::analysis::{Analysis, GapError, Request, Verdict, analyse};
-use quadrant::offline::gap::controller;
+use quadrant::offline::gap::analysis::{Analysis, GapError, Request, Verdict, analyse, problem_of};
 use quadrant::offline::gap::forward::Course;
+use quadrant::offline::gap::model::{Model, Tried};
+use quadrant::offline::gap::repeats::repeats;
 use quadrant::offline::gap::runs::{AxisRun, Run};
 use quadrant::offline::gap::write_back::{self, Origin};
+use quadrant::offline::gap::{controller, locate};
 use quadrant::plant::Parameters;
-use quadrant::plant::effects::entry;
+use quadrant::plant::effects::{Coordinate, entry};
 use rand::SeedableRng;
 use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64Mcg;
@@ -120,6 +122,37 @@ fn a_hidden_backlash_is_named_and_closes_the_gap() {
     assert!((1e6 * after.mechanics.backlash_m - 2.0).abs() < 0.1, "{} m", after.mechanics.backlash_m);
     assert!((after.mechanics.stiffness_n_per_m / (0.93 * 151e6) - 1.0).abs() < 0.01);
     assert!(text.starts_with(&machine.text[..80]), "what stood there stays");
+}
+
+#[test]
+fn where_the_gap_lives_is_told_and_not_where_it_does_not() {
+    let machine = config::load("paper").expect("a machine");
+    let file = machine.axes[AxisId::X].plant;
+    let ripple = entry("screw-ripple").expect("an effect");
+    let tried = Tried { entry: ripple, values: [6.0, 40.0, 0.0] };
+    let runs = [("slow", 10.0, 2.4, 1), ("fast", 20.0, 1.6, 2)].map(|(name, radius_mm, lap_s, seed)| {
+        circle(&machine, &file.with_effect(ripple, tried.values), name, [radius_mm, lap_s], seed, 0)
+    });
+    let problem = problem_of(&machine, &runs, &repeats(&runs), AxisId::X, 0, &[0, 0]);
+    let (base, named) = (Model::new(file), Model::new(file).with(tried));
+    let both = locate::both(&problem, &base, &named);
+    let current = 2;
+    let located = locate::located(&problem, &both);
+    // On a circle the acceleration is the place at another scale.
+    let by_place = |found: &&locate::Located| found.coordinate == Coordinate::Acceleration;
+    let first =
+        located.iter().filter(|found| found.signal == current).find(by_place).expect("it has a place");
+    assert!(first.share > 0.1 && first.share < 0.5, "a share of {}", first.share);
+    assert!(located.iter().all(|found| found.coordinate != Coordinate::Time), "it does not change in time");
+    let most = |which: usize| first.profile.iter().map(|bin| bin[which].abs()).fold(0.0, f64::max);
+    assert!(most(1) > 0.02 && most(2) < 0.2 * most(1), "{} A without it, {} A with it", most(1), most(2));
+    for left in locate::runs_left(&problem, &both).iter().filter(|left| left.signal == current) {
+        assert!(left.per_row[0] > 1.2 * left.per_row[1], "{left:?}");
+    }
+    // What is left is noise: it has no place.
+    let noise = locate::located(&problem, &locate::both(&problem, &named, &named));
+    let of_noise = noise.iter().filter(|found| found.signal == current).find(by_place);
+    assert!(of_noise.is_none(), "{of_noise:?}");
 }
 
 #[test]

@@ -205,8 +205,8 @@ fn axis<'m>(
     let named = name::name(&problem, &start, &say);
     let gap = gaps(&problem, &start, &named);
     let verdict = verdict(&named, &gap);
-    let located = locate::located(&problem, &named.base.model, &named.model.model);
-    let runs_left = locate::runs_left(&problem, &named.base.model, &named.model.model);
+    let both = locate::both(&problem, &named.base.model, &named.model.model);
+    let (located, runs_left) = (locate::located(&problem, &both), locate::runs_left(&problem, &both));
     Ok(AxisGap { id, problem, controller, named, verdict, located, runs_left, gap })
 }
 

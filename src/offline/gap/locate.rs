@@ -13,6 +13,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
 
+use super::forward::Signals;
 use super::linear::rho;
 use super::model::Model;
 use super::problem::{Part, Problem, SIGNALS};
@@ -69,10 +70,20 @@ pub fn unit(coordinate: Coordinate) -> &'static str {
     COORDINATES.iter().find(|(own, _)| *own == coordinate).map_or("", |(_, unit)| unit)
 }
 
-/// The coordinates over which what `base` leaves has a shape, that with the most first; `named` is shown beside it.
-pub fn located(problem: &Problem<'_>, base: &Model, named: &Model) -> Vec<Located> {
-    let rows: Vec<Rows> =
-        (0..problem.data.len()).into_par_iter().map(|place| Rows::new(problem, base, named, place)).collect();
+/// What base and named model make of all runs, in their order.
+pub type Both = Vec<[Signals; 2]>;
+
+/// Simulates all runs with both.
+pub fn both(problem: &Problem<'_>, base: &Model, named: &Model) -> Both {
+    let of = |place: usize| [base, named].map(|model| problem.simulated(place, model));
+    (0..problem.data.len()).into_par_iter().map(of).collect()
+}
+
+/// The coordinates over which what the base leaves has a shape, that with the most first; the named model is shown
+/// beside it.
+pub fn located(problem: &Problem<'_>, both: &Both) -> Vec<Located> {
+    let rows = (0..problem.data.len()).into_par_iter();
+    let rows: Vec<Rows> = rows.map(|place| Rows::new(problem, &both[place], place)).collect();
     let all = (0..SIGNALS.len()).flat_map(|signal| (0..COORDINATES.len()).map(move |over| (signal, over)));
     let all: Vec<(usize, usize)> = all.collect();
     let mut found: Vec<Located> =
@@ -82,9 +93,9 @@ pub fn located(problem: &Problem<'_>, base: &Model, named: &Model) -> Vec<Locate
 }
 
 /// What is left of each signal of each run.
-pub fn runs_left(problem: &Problem<'_>, base: &Model, named: &Model) -> Vec<RunLeft> {
+pub fn runs_left(problem: &Problem<'_>, both: &Both) -> Vec<RunLeft> {
     let of = |place: usize| {
-        let simulated = [base, named].map(|model| problem.simulated(place, model));
+        let simulated = &both[place];
         let per_row = |signal: usize| {
             let noise = problem.noises[signal].as_ref()?;
             let data = &problem.data[place];
@@ -118,10 +129,10 @@ struct Rows {
 }
 
 impl Rows {
-    fn new(problem: &Problem<'_>, base: &Model, named: &Model, place: usize) -> Self {
+    fn new(problem: &Problem<'_>, simulated: &[Signals; 2], place: usize) -> Self {
         let data = &problem.data[place];
         let period_s = problem.machine.cycle.period.as_s();
-        let lead_m = base.nominal.mechanics.lead_m;
+        let lead_m = problem.machine.axes[problem.id].plant.mechanics.lead_m;
         let setpoints_m: Vec<f64> = data.course.setpoints_m().collect();
         let start_s = data.course.begins().as_s();
         let (mut way_m, mut since_s, mut side) = (0.0, 0.0, 0.0);
@@ -149,7 +160,6 @@ impl Rows {
                 start_s + row as f64 * period_s,
             ]);
         }
-        let simulated = [base, named].map(|model| problem.simulated(place, model));
         let counts = |row: &usize| data.fit[*row] || data.held[*row];
         let part = if data.has(Part::Fit) { Part::Fit } else { Part::Held };
         let left = SIGNALS.map(|(.., pick)| {
