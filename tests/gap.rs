@@ -4,7 +4,9 @@
 
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
-use std::path::Path;
+use std::fmt::Write;
+use std::fs;
+use std::path::{Path, PathBuf};
 
 use quadrant::base::axis::AxisId;
 use quadrant::config::edit::MachineFile;
@@ -122,6 +124,55 @@ fn a_hidden_backlash_is_named_and_closes_the_gap() {
     assert!((1e6 * after.mechanics.backlash_m - 2.0).abs() < 0.1, "{} m", after.mechanics.backlash_m);
     assert!((after.mechanics.stiffness_n_per_m / (0.93 * 151e6) - 1.0).abs() < 0.01);
     assert!(text.starts_with(&machine.text[..80]), "what stood there stays");
+}
+
+/// Runs as CSV files of a folder.
+fn written(runs: &[Run], folder: &Path) -> Vec<PathBuf> {
+    let one = |run: &Run| {
+        let axis = &run.axes[&AxisId::X];
+        let table_m = axis.table_m.as_ref().expect("a scale");
+        let mut text = "t_s,x.setpoint_mm,x.position_mm,x.table_mm,x.current_a\n".to_owned();
+        for row in 0..run.len() {
+            let [setpoint, position, table] =
+                [&axis.setpoint_m, &axis.position_m, table_m].map(|column| 1e3 * column[row]);
+            let (t_s, current) = (row as f64 / ROWS_PER_S, axis.current_a[row]);
+            writeln!(text, "{t_s},{setpoint},{position},{table},{current}").expect("a string takes all");
+        }
+        let path = folder.join(format!("{}.csv", run.name));
+        fs::write(&path, text).expect("a folder that can be written to");
+        path
+    };
+    runs.iter().map(one).collect()
+}
+
+#[test]
+#[ignore = "seconds only if optimised; run by .ci/run"]
+fn what_is_named_is_written_into_the_file_and_shown_on_a_page() {
+    let machine = config::load("paper").expect("a machine");
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("mill.toml");
+    fs::write(&file, &machine.text).expect("a file");
+    let mut command = assert_cmd::Command::cargo_bin("quadrant").expect("the tool");
+    let runs = written(&runs(&machine, Some(("backlash", 2.0))), folder.path());
+    command.current_dir(folder.path()).args(["gap", "--json", "--machine", "mill.toml", "--data"]).args(runs);
+    let output = command.args(["--write", "mill.toml", "--report", "page"]).output().expect("an answer");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let said: serde_json::Value = serde_json::from_slice(&output.stdout).expect("one object");
+    assert_eq!(said["effects"][0]["name"], "backlash");
+    assert!(!said["located"].as_array().expect("a list").is_empty(), "{}", said["located"]);
+
+    let after = config::load(file.to_str().expect("a name")).expect("a sound file");
+    let backlash_um = 1e6 * after.axes[AxisId::X].plant.mechanics.backlash_m;
+    assert!((backlash_um - 2.0).abs() < 0.1, "{backlash_um} um in the file, 2 um in the machine");
+    assert_eq!(said["machine_after"].as_str().map(str::len), Some(after.text.len()));
+    let is_old = |path: &PathBuf| fs::read_to_string(path).is_ok_and(|text| text == machine.text);
+    let beside = fs::read_dir(folder.path()).expect("a folder").filter_map(|entry| Some(entry.ok()?.path()));
+    assert_eq!(beside.filter(is_old).count(), 1, "the old file is kept, once");
+
+    let page = fs::read_to_string(folder.path().join("page/gap.html")).expect("a page");
+    for part in ["backlash", "width-um", "an effect is missing", "<svg"] {
+        assert!(page.contains(part), "the page has no {part}");
+    }
 }
 
 #[test]
