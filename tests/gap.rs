@@ -155,7 +155,7 @@ fn what_is_named_is_written_into_the_file_and_shown_on_a_page() {
     let mut command = assert_cmd::Command::cargo_bin("quadrant").expect("the tool");
     let runs = written(&runs(&machine, Some(("backlash", 2.0))), folder.path());
     command.current_dir(folder.path()).args(["gap", "--json", "--machine", "mill.toml", "--data"]).args(runs);
-    let output = command.args(["--write", "mill.toml", "--report", "page"]).output().expect("an answer");
+    let output = command.args(["--write", "mill.toml", "--out", "page"]).output().expect("an answer");
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let said: serde_json::Value = serde_json::from_slice(&output.stdout).expect("one object");
     assert_eq!(said["effects"][0]["name"], "backlash");
@@ -180,7 +180,7 @@ fn where_the_gap_lives_is_told_and_not_where_it_does_not() {
     let machine = config::load("paper").expect("a machine");
     let file = machine.axes[AxisId::X].plant;
     let ripple = entry("screw-ripple").expect("an effect");
-    let tried = Tried { entry: ripple, values: [6.0, 40.0, 0.0] };
+    let tried = Tried { entry: ripple, values: [6.0, 1.0, 40.0] };
     let runs = [("slow", 10.0, 2.4, 1), ("fast", 20.0, 1.6, 2)].map(|(name, radius_mm, lap_s, seed)| {
         circle(&machine, &file.with_effect(ripple, tried.values), name, [radius_mm, lap_s], seed, 0)
     });

@@ -158,9 +158,10 @@ impl Search {
         let (likely, surface) = told(&draws, seen, self.round, &self.region, before)?;
         let coordinate = |place: &[f64], which: usize| at(self.region[which], place[which]);
         let (best, _) = likely.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
-        // Where the best does not explain all, the spread is as much wider (Birge, 1932, Physical Review 40, 207).
+        // Where the best leaves more than chance does, the spread is as much wider (Birge, 1932, Physical Review 40, 207).
         let misfit = surface.misfit(best, seen);
-        let wider = misfit.max(1.0).sqrt();
+        let is_by_chance = misfit <= surface.misfit_by_chance(seen.len());
+        let wider = if is_by_chance { 1.0 } else { misfit.sqrt() };
         // What a coordinate is between two points nobody asked.
         let between = |which: usize| {
             let [low, high] = self.region[which];

@@ -10,6 +10,7 @@
 //! of numbers from -1 to 1. Invariant: nothing here knows what the numbers mean.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 use statrs::function::gamma::ln_gamma;
 
 /// A box of parameters as the draws show it.
@@ -66,6 +67,13 @@ impl Surface {
             - 0.5 * features * (std::f64::consts::PI * wider).ln()
             - 0.5 * self.left.ln_determinant()
             - 0.5 * all * (square / wider).ln_1p()
+    }
+
+    /// What the misfit of one in a hundred axes is above, of so many numbers.
+    pub(super) fn misfit_by_chance(&self, features: usize) -> f64 {
+        // Of Fisher and Snedecor, as what is left is known as well as the draws tell it.
+        FisherSnedecor::new(features as f64, self.freedom)
+            .map_or(1.0, |by_chance| by_chance.inverse_cdf(0.99))
     }
 
     /// How much farther what was seen is from the mean of a place than axes there are, as the ratio of squares: 1 on
