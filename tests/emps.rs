@@ -11,15 +11,19 @@ use quadrant::offline::identify::rigid::{self, RigidFit, Shape};
 
 const COLUMNS: &str = include_str!("data/emps-columns.toml");
 
-/// The record, or `None`, said loudly, where the machine does not have it.
-fn record() -> Option<Foreign> {
+/// The file of the record, or `None`, said loudly, where the machine does not have it.
+fn path() -> Option<PathBuf> {
     let Some(folder) = std::env::var_os("QUADRANT_DATA") else {
         // Past the capture of the test harness.
         let said = "SKIPPED: QUADRANT_DATA does not name the folder that has the record emps/emps_train.csv";
         let _unheard = writeln!(std::io::stderr(), "{said}");
         return None;
     };
-    let path = PathBuf::from(folder).join("emps/emps_train.csv");
+    Some(PathBuf::from(folder).join("emps/emps_train.csv"))
+}
+
+fn record() -> Option<Foreign> {
+    let path = path()?;
     let data = File::open(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
     Some(Foreign::read(COLUMNS, data).expect("the map fits the record"))
 }
@@ -76,4 +80,34 @@ fn a_simulation_of_what_was_found_follows_the_record() {
     assert!(closed.position <= 138e-6, "{closed:?}");
     assert!(closed.velocity <= 229e-5, "{closed:?}");
     assert!(closed.force <= 585e-4, "{closed:?}");
+}
+
+#[test]
+#[ignore = "seconds only if optimised; run by .ci/run"]
+fn what_an_even_friction_lacks_is_named_and_closes_the_gap() {
+    let Some(path) = path() else { return };
+    let data = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data");
+    let mut command = assert_cmd::Command::cargo_bin("quadrant").expect("the tool");
+    command.current_dir(data).args(["gap", "--json", "--machine", "emps-machine.toml"]);
+    let output =
+        command.args(["--columns", "emps-gap-columns.toml", "--data"]).arg(path).output().expect("an answer");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let said: serde_json::Value = serde_json::from_slice(&output.stdout).expect("one object");
+    eprintln!("{}\n{}", said["effects"], said["gap"]);
+    let named: Vec<&str> = said["effects"]
+        .as_array()
+        .expect("a list")
+        .iter()
+        .filter_map(|effect| effect["name"].as_str())
+        .collect();
+    // No log tells one from the other, so both are said.
+    assert!(named.contains(&"direction-asymmetry") && named.contains(&"constant-force"), "{named:?}");
+    let once_a_turn = ["encoder-eccentricity", "screw-ripple", "motor-cogging"];
+    assert!(named.iter().any(|name| once_a_turn.contains(name)), "no ripple of a turn: {named:?}");
+    let um = |when: &str| said["gap"][when]["x.following_error_um"].as_f64().expect("a number");
+    let (before, after) = (um("before"), um("after"));
+    // What a careful replay of this record came to.
+    assert!(after <= 1.6 && after < 0.5 * before, "{after} um, {before} um before");
+    let closed = said["gap"]["heldout_closed_fraction"].as_f64().expect("a share");
+    assert!(closed > 0.75, "{closed} of the gap on rows that were not fitted");
 }
