@@ -17,7 +17,7 @@ use super::locate::{self, Located, RunLeft};
 use super::model::{BASE, Model};
 use super::name::{self, Named};
 use super::problem::{AxisData, Part, Problem, SIGNALS};
-use super::repeats::{Repeat, repeats};
+use super::repeats::{Repeat, first_pass, repeats};
 use super::runs::Run;
 use crate::base::axis::AxisId;
 use crate::config::Machine;
@@ -318,17 +318,6 @@ fn data(
         });
     }
     all
-}
-
-/// How many rows a run has until its command only repeats: its first lap with the start of the second.
-fn first_pass(run: usize, rows: usize, repeats: &[Repeat]) -> usize {
-    let of = |repeat: &Repeat| match repeat.runs {
-        [first, second] if first == run && second == run => {
-            Some(repeat.rows[0] + repeat.shift.ceil() as usize)
-        }
-        _ => None,
-    };
-    repeats.iter().filter_map(of).min().unwrap_or(rows).min(rows)
 }
 
 /// Rms of what models leave of the rows that were not fitted.

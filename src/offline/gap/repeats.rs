@@ -41,6 +41,17 @@ pub fn repeats(runs: &[Run]) -> Vec<Repeat> {
     found
 }
 
+/// How many rows a run has until its command only repeats: its first lap with the start of the second.
+pub fn first_pass(run: usize, rows: usize, repeats: &[Repeat]) -> usize {
+    let of = |repeat: &Repeat| match repeat.runs {
+        [first, second] if first == run && second == run => {
+            Some(repeat.rows[0] + repeat.shift.ceil() as usize)
+        }
+        _ => None,
+    };
+    repeats.iter().filter_map(of).min().unwrap_or(rows).min(rows)
+}
+
 fn is_same_command(run: &Run, twin: &Run) -> bool {
     let rows = run.len().min(twin.len());
     let is_long = run.len().abs_diff(twin.len()) * 50 < rows;
