@@ -74,7 +74,7 @@ fn what_cannot_be_run_is_refused_before_anything_moves() {
     let folder = TempDir::new().unwrap();
     let log = text(&folder.path().join("run.mcap")).to_owned();
     for (words, refusal) in [
-        (&["--axes", "x,w"][..], "no axis w; there are x, y"),
+        (&["--axes", "x,w"][..], "no axis \"w\" in machine reference; it has x, y"),
         (&["--gains", "stiff"], "gain set \"stiff\" is not in the machine file"),
         (&["--plant", "classic"], "machine reference has 2 every 500 us"),
         (&["--data", "run.csv"], "--columns"),
