@@ -107,14 +107,15 @@ fn a_coarse_encoder_tells_the_fall_too() {
     for name in ["sliding", "breakaway", "stiffness", "moving_mass"] {
         assert!(found[name].estimate().is_some(), "{name}: {:?}", found[name]);
     }
-    // Of a single axis no more can be asked than what its intervals promise; how far they are off takes many.
-    for (name, widest) in [("fall_end", 0.2), ("fall_start", 0.5)] {
+    // Of a single axis no more can be asked than what its intervals promise, and that they say something; how wide and how
+    // far off they are on the whole takes many (`coverage`).
+    for (name, widest) in [("fall_end", 1.5), ("fall_start", 4.0)] {
         let estimate = found[name].estimate().expect(name);
         let [low, high] = estimate.ci95;
         let all = truths(&pair.truth, X);
         let (_, truth) = all.iter().find(|(other, _)| *other == name).expect(name);
         assert!((low..=high).contains(truth), "{name}: {low} to {high} mm/s, truth {truth}");
-        assert!(high - low < 2.0 * widest * estimate.value, "{name}: {low} to {high} mm/s, widest {widest}");
+        assert!(high / low < widest, "{name}: {low} to {high} mm/s, widest is a factor of {widest}");
     }
 }
 
