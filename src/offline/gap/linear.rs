@@ -253,7 +253,7 @@ impl Normal {
     }
 
     /// Covariance of the coordinates at the minimum, of rows that depend on each other within a block, and within a
-    /// run where there are [`RUNS`] and more, as much as they do; nothing where the curvature is none.
+    /// run where there are `RUNS` and more, as much as they do; nothing where the curvature is none.
     pub fn covariance(&self) -> Option<DMatrix<f64>> {
         let inverse = regular(&self.curvature)?;
         let by_block = &inverse * &self.spread * &inverse;

@@ -10,7 +10,7 @@
 //! | `repetition` | circles for as long as is asked | what changes as the machine gets warm |
 //!
 //! Runs whose names begin with `heldout` judge what was fitted to the others. Lines and circles are drawn up as
-//! those of identification are ([`Draft`]).
+//! those of identification are (`identify/plan/draft.rs`).
 //! Invariant: what no run shows is said, with what would.
 
 use std::collections::BTreeMap;

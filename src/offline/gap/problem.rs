@@ -148,7 +148,7 @@ impl<'m> Problem<'m> {
         Self { data: Arc::new(data), axis: self.axis, noises: self.noises.clone(), ..*self }
     }
 
-    /// The same where [`SMOOTH`] rows are compared as their sum: events of stick and slip that come at another moment
+    /// The same where `SMOOTH` rows are compared as their sum: events of stick and slip that come at another moment
     /// then change little, and a minimum that is far is found past the ripples on its way.
     #[must_use]
     pub fn smooth(&self) -> Self {
