@@ -1,14 +1,12 @@
 //! Ball-pass ripple: friction that swings as the balls of the nut come into the load one by one.
 //!
 //! The periods in a turn are those of the cage times the balls of a turn, and no whole number; above two, where those of
-//! `screw_ripple` end. It acts as
-//! `screw_ripple` does, at another order.
+//! `screw_ripple` end. It acts as that does, at another order.
 //! Invariant: the factor is positive.
 
-use std::f64::consts::TAU;
-
 use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
-use super::hooks::{Action, Friction, Instant};
+use super::hooks::Action;
+use super::screw_ripple::ripple;
 
 pub(super) const ENTRY: Entry = Entry {
     name: "ball-pass-ripple",
@@ -22,24 +20,5 @@ pub(super) const ENTRY: Entry = Entry {
     coordinate: Coordinate::Angle,
     experiment: Experiment::Sweep,
     aliases: &[],
-    action: Action::Friction(|values, axis| {
-        Box::new(BallPass {
-            share: 1e-2 * values[0],
-            rad_per_m: values[1] * TAU / axis.mechanics.lead_m,
-            phase_rad: values[2].to_radians(),
-        })
-    }),
+    action: Action::Friction(ripple),
 };
-
-#[derive(Debug)]
-struct BallPass {
-    share: f64,
-    rad_per_m: f64,
-    phase_rad: f64,
-}
-
-impl Friction for BallPass {
-    fn factor(&self, at: &Instant) -> f64 {
-        1.0 + self.share * libm::sin(at.table_m * self.rad_per_m + self.phase_rad)
-    }
-}

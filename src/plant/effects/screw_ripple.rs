@@ -12,7 +12,8 @@
 
 use std::f64::consts::TAU;
 
-use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
+use super::super::params::Parameters;
+use super::catalogue::{Coordinate, Entry, Experiment, Parameter, Values};
 use super::hooks::{Action, Friction, Instant};
 
 pub(super) const ENTRY: Entry = Entry {
@@ -27,24 +28,27 @@ pub(super) const ENTRY: Entry = Entry {
     coordinate: Coordinate::Angle,
     experiment: Experiment::Sweep,
     aliases: &[],
-    action: Action::Friction(|values, axis| {
-        Box::new(Turn {
-            share: 1e-2 * values[0],
-            rad_per_m: values[1] * TAU / axis.mechanics.lead_m,
-            phase_rad: values[2].to_radians(),
-        })
-    }),
+    action: Action::Friction(ripple),
 };
+
+/// A ripple of this share, so many periods in a turn and this phase.
+pub(super) fn ripple(values: &Values, axis: &Parameters) -> Box<dyn Friction> {
+    Box::new(Ripple {
+        share: 1e-2 * values[0],
+        rad_per_m: values[1] * TAU / axis.mechanics.lead_m,
+        phase_rad: values[2].to_radians(),
+    })
+}
 
 /// The ripple of a screw with its divisions done.
 #[derive(Debug)]
-struct Turn {
+struct Ripple {
     share: f64,
     rad_per_m: f64,
     phase_rad: f64,
 }
 
-impl Friction for Turn {
+impl Friction for Ripple {
     fn factor(&self, at: &Instant) -> f64 {
         1.0 + self.share * libm::sin(at.table_m * self.rad_per_m + self.phase_rad)
     }
@@ -56,7 +60,7 @@ mod tests {
     use super::*;
     use crate::base::time::Span;
     use crate::base::units::{Current, Position};
-    use crate::plant::{Parameters, Plant};
+    use crate::plant::Plant;
 
     const TICK: Span = Span::us(500);
 
