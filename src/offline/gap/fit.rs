@@ -89,7 +89,7 @@ fn descended(problem: &Problem<'_>, start: &Model, effort: Effort, known: Option
     let mut damping = DAMPING.0;
     let mut steps = Steps::widest(&model);
     let mut left = residuals(problem, &model, Part::Fit);
-    let sum = |left: &[Residual], knee: f64| left.iter().map(|run| cost(run, knee)).sum::<f64>();
+    let half_a_unit = |total: f64| ENOUGH.1 * (total / rows).max(LEAST_PER_ROW);
     // Far from the minimum all rows are far off: they count by their square until they are near.
     let is_smooth = problem.summed > 1;
     let mut knee = if is_smooth { K * (sum(&left, K) / rows / (2.0 * K)).max(1.0) } else { K };
@@ -138,7 +138,7 @@ fn descended(problem: &Problem<'_>, start: &Model, effort: Effort, known: Option
         let is_over = match effort {
             Effort::Coarse(_) => gained < ENOUGH.0 * total,
             // What derivatives over wide steps do not gain, those over narrow ones may.
-            Effort::Fine => was_fine && gained < ENOUGH.1 * (total / rows).max(LEAST_PER_ROW),
+            Effort::Fine => was_fine && gained < half_a_unit(total),
         };
         if is_over {
             // A minimum among rough ones: another may lie along the valley.
@@ -148,7 +148,7 @@ fn descended(problem: &Problem<'_>, start: &Model, effort: Effort, known: Option
                 Vec::new()
             };
             let Some((other, other_left, other_total)) = best_of(problem, kicks) else { break };
-            if total - other_total < ENOUGH.1 * (total / rows).max(LEAST_PER_ROW) {
+            if total - other_total < half_a_unit(total) {
                 break;
             }
             kicked += 1;
@@ -175,16 +175,23 @@ fn kicks(model: &Model, covariance: &DMatrix<f64>) -> Vec<Model> {
     (0..at.len()).filter(is_known).flat_map(|coordinate| KICKS.map(|by| moved(coordinate, by))).collect()
 }
 
+/// What a model leaves of all runs, and the total.
+fn left_by(problem: &Problem<'_>, model: &Model, knee: f64) -> (Vec<Residual>, f64) {
+    let left = residuals(problem, model, Part::Fit);
+    let total = sum(&left, knee) + believed(model);
+    (left, total)
+}
+
+fn sum(left: &[Residual], knee: f64) -> f64 {
+    left.iter().map(|run| cost(run, knee)).sum()
+}
+
 /// That of some models which leaves the least, with what it leaves and the total.
 fn best_of(problem: &Problem<'_>, models: Vec<Model>) -> Option<(Model, Vec<Residual>, f64)> {
-    let one = |model: &Model| {
-        let left = residuals(problem, model, Part::Fit);
-        let total = left.iter().map(|run| cost(run, K)).sum::<f64>() + believed(model);
-        (left, total)
-    };
-    let totals: Vec<f64> = models.par_iter().map(|model| one(model).1).collect();
+    // What all of them leave would not fit into memory.
+    let totals: Vec<f64> = models.par_iter().map(|model| left_by(problem, model, K).1).collect();
     let best = (0..models.len()).min_by(|a, b| totals[*a].total_cmp(&totals[*b]))?;
-    let (left, total) = one(&models[best]);
+    let (left, total) = left_by(problem, &models[best], K);
     Some((models[best].clone(), left, total))
 }
 
@@ -211,8 +218,7 @@ fn stepped(
             let share = if largest > FURTHEST { FURTHEST / largest } else { 1.0 };
             let tried: Vec<f64> = at.iter().zip(step.iter()).map(|(at, step)| at - share * step).collect();
             let other = model.at(&tried);
-            let left = residuals(problem, &other, Part::Fit);
-            let other_total = left.iter().map(|run| cost(run, knee)).sum::<f64>() + believed(&other);
+            let (left, other_total) = left_by(problem, &other, knee);
             if other_total < total {
                 *damping = (*damping / factor).max(1e-9);
                 return Some((other, left, other_total));

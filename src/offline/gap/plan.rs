@@ -55,6 +55,8 @@ pub struct Recording {
     pub plan: Plan,
     /// What it shows.
     pub shows: Experiment,
+    /// Of which axis; `None`: of all that move.
+    pub axis: Option<AxisId>,
 }
 
 /// All runs of a machine.
@@ -73,20 +75,20 @@ impl Recordings {
     /// When there is no such gain set.
     pub fn of(machine: &Machine, request: &Request, repetition_min: Option<f64>) -> Result<Self, PlanError> {
         let gain_set = machine.planned_gain_set(&request.gains)?;
-        let chosen = |axis: &AxisId| request.axes.is_empty() || request.axes.contains(axis);
-        let axes: Vec<AxisId> = machine.axes.axes().filter(chosen).collect();
+        let axes = request.axes_of(machine);
         let mut all = Self { runs: Vec::new(), left_out: Vec::new() };
-        let mut add = |name: &str, shows: Experiment, steps: &dyn Fn(&mut Draft<'_>)| {
-            let mut draft = Draft::new(machine, gain_set);
-            steps(&mut draft);
-            let has_motion = !draft.plan.steps.is_empty();
-            machine.axes.axes().for_each(|axis| draft.go(axis, Default::default()));
-            let why = std::mem::take(&mut draft.plan.left_out);
-            all.left_out.extend(why.into_iter().map(|why| format!("{name}: {why}")));
-            if has_motion {
-                all.runs.push(Recording { name: name.to_owned(), plan: draft.plan, shows });
-            }
-        };
+        let mut add =
+            |name: &str, shows: Experiment, axis: Option<AxisId>, steps: &dyn Fn(&mut Draft<'_>)| {
+                let mut draft = Draft::new(machine, gain_set);
+                steps(&mut draft);
+                let has_motion = !draft.plan.steps.is_empty();
+                machine.axes.axes().for_each(|axis| draft.go(axis, Default::default()));
+                let why = std::mem::take(&mut draft.plan.left_out);
+                all.left_out.extend(why.into_iter().map(|why| format!("{name}: {why}")));
+                if has_motion {
+                    all.runs.push(Recording { name: name.to_owned(), plan: draft.plan, shows, axis });
+                }
+            };
         let has_circles = [AxisId::X, AxisId::Y].iter().all(|axis| axes.contains(axis));
         // One axis alone goes to and fro.
         let both_ways = |draft: &mut Draft<'_>, feed_mm_per_min: f64, turns: u32| {
@@ -103,28 +105,33 @@ impl Recordings {
             }
         };
         for (name, feed) in CIRCLES {
-            add(name, Experiment::Circles, &|draft| both_ways(draft, feed, TURNS));
+            add(name, Experiment::Circles, None, &|draft| both_ways(draft, feed, TURNS));
         }
         for axis in &axes {
             let letter = AXIS_NAMES[axis.index()];
-            add(&format!("sweep-{letter}"), Experiment::Sweep, &|draft| {
+            add(&format!("sweep-{letter}"), Experiment::Sweep, Some(*axis), &|draft| {
                 draft.steady(*axis, &LADDER_MM_PER_S)
             });
-            add(&format!("small-reversals-{letter}"), Experiment::SmallReversals, &|draft| {
+            add(&format!("small-reversals-{letter}"), Experiment::SmallReversals, Some(*axis), &|draft| {
                 draft.small_reversals(*axis, &WAYS_UM, SWING, TIMES);
             });
-            add(&format!("accelerations-{letter}"), Experiment::Accelerations, &|draft| {
+            add(&format!("accelerations-{letter}"), Experiment::Accelerations, Some(*axis), &|draft| {
                 STEEP.iter().for_each(|share| draft.accelerate(*axis, *share, STEEP_RUNS));
             });
-            add(&format!("heldout-accelerations-{letter}"), Experiment::Accelerations, &|draft| {
-                draft.accelerate(*axis, STEEP_HELD, STEEP_RUNS);
-            });
+            add(
+                &format!("heldout-accelerations-{letter}"),
+                Experiment::Accelerations,
+                Some(*axis),
+                &|draft| {
+                    draft.accelerate(*axis, STEEP_HELD, STEEP_RUNS);
+                },
+            );
         }
         if let Some(minutes) = repetition_min {
             let (_, feed) = CIRCLES[CIRCLES.len() - 1];
             let turn_s = std::f64::consts::TAU * RADIUS_MM / (feed / 60.0);
             let times = (minutes * 60.0 / (2.0 * f64::from(TURNS_REPEATED) * turn_s)).ceil() as u32;
-            add("repetition", Experiment::Repetition, &|draft| {
+            add("repetition", Experiment::Repetition, None, &|draft| {
                 (0..times).for_each(|_| both_ways(draft, feed, TURNS_REPEATED));
             });
         }
@@ -134,9 +141,8 @@ impl Recordings {
     /// The circles, whose laps tell the noise, and what shows an effect of an axis.
     #[must_use]
     pub fn only(mut self, entry: &Entry, axis: AxisId) -> Self {
-        let suffix = format!("-{}", AXIS_NAMES[axis.index()]);
         self.runs.retain(|run| {
-            run.shows == Experiment::Circles || run.shows == shown_by(entry) && run.name.ends_with(&suffix)
+            run.shows == Experiment::Circles || run.shows == shown_by(entry) && run.axis == Some(axis)
         });
         self
     }

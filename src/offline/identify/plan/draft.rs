@@ -71,7 +71,7 @@ impl<'m> Draft<'m> {
         (limits.travel_min + free, limits.travel_max - free)
     }
 
-    pub(in crate::offline) fn centre(&self, axis: AxisId) -> Position {
+    pub(super) fn centre(&self, axis: AxisId) -> Position {
         let (low, high) = self.room(axis);
         low + (high - low) / 2.0
     }

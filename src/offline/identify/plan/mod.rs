@@ -87,6 +87,13 @@ pub struct Request {
     pub axes: Vec<AxisId>,
 }
 
+impl Request {
+    /// The axes of a machine that are asked for.
+    pub fn axes_of(&self, machine: &Machine) -> Vec<AxisId> {
+        machine.axes.axes().filter(|axis| self.axes.is_empty() || self.axes.contains(axis)).collect()
+    }
+}
+
 /// All experiments of a machine.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
@@ -105,8 +112,7 @@ impl Plan {
     /// When there is no such gain set.
     pub fn of(machine: &Machine, request: &Request) -> Result<Self, PlanError> {
         let gain_set = machine.planned_gain_set(&request.gains)?;
-        let chosen = |axis: &AxisId| request.axes.is_empty() || request.axes.contains(axis);
-        let axes: Vec<AxisId> = machine.axes.axes().filter(chosen).collect();
+        let axes = request.axes_of(machine);
         let mut draft = Draft::new(machine, gain_set);
         for axis in &axes {
             draft.of_axis(*axis);
