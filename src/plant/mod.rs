@@ -8,7 +8,7 @@
 //! | `offline` | loop margins, identification, tuning, gap |
 //!
 //! [`Plant::step`] advances one servo tick by exact maps (`maps.rs`): one step of the tick while the
-//! table runs, ten while it creeps or sticks. The friction force is predicted at the start of a step
+//! table runs or is held fast, ten while it creeps, reverses or may break away. The friction force is predicted at the start of a step
 //! and corrected by its mean over the step; the table sticks when its velocity changes sign within
 //! `F_max` and tears loose when `|K d + C v_m|` exceeds it. Against a step 25 times smaller this holds
 //! the protrusion of a circle within a few nanometres (`cargo bench --bench plant`). What real axes have beyond
@@ -37,7 +37,7 @@ use effects::{Neighbour, Pace};
 use friction::Law;
 use maps::{Motion, StepMaps};
 
-/// Steps of a tick while the table creeps or sticks.
+/// Steps of a tick while the table creeps, reverses or may break away.
 pub const FINE_STEPS: u32 = 10;
 /// Table speed above which one step spans the tick: four times the default `D_v`.
 const CREEP: Velocity = Velocity::mm_per_s(2.0);
@@ -65,7 +65,7 @@ pub struct State {
 #[derive(Clone, Debug)]
 struct Part {
     whole: StepMaps,
-    /// For an axis whose forces ask for it.
+    /// For an axis with effects, whose forces may ask for it.
     half: Option<StepMaps>,
     fine: StepMaps,
     fine_steps: u32,
@@ -74,15 +74,25 @@ struct Part {
 }
 
 impl Part {
-    fn new(axis: &Parameters, gap: Gap, length_s: f64, fine_steps: u32, pace: Pace) -> Self {
+    fn new(axis: &Parameters, gap: Gap, length_s: f64, fine_steps: u32, has_effects: bool) -> Self {
         let fine_s = length_s / f64::from(fine_steps);
         Self {
             whole: StepMaps::new(axis, length_s),
-            half: (pace == Pace::Even && fine_steps > 1)
+            half: (has_effects && fine_steps > 1)
                 .then(|| StepMaps::new(axis, fine_s * f64::from(fine_steps / 2))),
             fine: StepMaps::new(axis, fine_s),
             fine_steps,
             with_gap: (!gap.is_none()).then(|| Ladder::new(axis, fine_s)),
+        }
+    }
+
+    /// The longest step at a pace, in fine ones; none where they are to be fine.
+    #[inline(always)]
+    fn stride(&self, pace: Pace) -> (&StepMaps, u32) {
+        match (pace, &self.half) {
+            (Pace::Slow, _) => (&self.whole, self.fine_steps),
+            (Pace::Even, Some(half)) => (half, self.fine_steps / 2),
+            (Pace::Even, None) | (Pace::Fast, _) => (&self.fine, 0),
         }
     }
 }
@@ -206,7 +216,7 @@ impl Plant {
         assert!(dead_ticks < DEAD_TICKS_MAX, "dead time of more than {DEAD_TICKS_MAX} ticks");
         let late_by_s = (axis.actuator.dead_time - tick * dead_ticks as i64).as_s();
         let acting = Acting::new(axis);
-        let pace = acting.as_ref().map_or(Pace::Slow, Stepping::pace);
+        let has_effects = acting.is_some();
         let axis = &acting.as_ref().map_or(*axis, |acting| acting.prepared(axis));
         Self {
             tick,
@@ -215,8 +225,8 @@ impl Plant {
             peak_a: axis.actuator.peak_current.as_a(),
             pending_n: [0.0; DEAD_TICKS_MAX + 1],
             dead_ticks,
-            early: (late_by_s > 0.0).then(|| Part::new(axis, gap, late_by_s, fine_steps, pace)),
-            late: Part::new(axis, gap, tick.as_s() - late_by_s, fine_steps, pace),
+            early: (late_by_s > 0.0).then(|| Part::new(axis, gap, late_by_s, fine_steps, has_effects)),
+            late: Part::new(axis, gap, tick.as_s() - late_by_s, fine_steps, has_effects),
             body: Body {
                 law: Law::new(axis.friction),
                 stiffness_n_per_m: axis.mechanics.stiffness_n_per_m,
@@ -342,20 +352,14 @@ impl Body {
             return self.advance_with_gap(part, ladder, command_n, stepping);
         }
         let mut done = 0;
-        if self.is_running() {
-            let (maps, length) = match (stepping.pace(), &part.half) {
-                (Pace::Slow, _) => (&part.whole, part.fine_steps),
-                (Pace::Even, Some(half)) => (half, part.fine_steps / 2),
-                (Pace::Even, None) | (Pace::Fast, _) => (&part.fine, 0),
-            };
-            // Where it would reverse within a step that is taken again in fine ones.
-            while length > 0 && done + length <= part.fine_steps && stepping.span(self, maps, command_n) {
-                done += length;
-            }
+        let (maps, length) = part.stride(stepping.pace(self));
+        // Where it would reverse or break away within a step that is taken again in fine ones.
+        while length > 0 && done + length <= part.fine_steps && stepping.span(self, maps, command_n) {
+            done += length;
         }
         for _ in done..part.fine_steps {
             if stepping.moved(self, &part.fine, command_n) {
-                stepping.break_away(self, &part.fine, self.motion[0], self.pull_n());
+                stepping.break_away(self, &part.fine, self.motion[0], self.pull_n(&self.motion));
             }
         }
     }
@@ -380,9 +384,9 @@ impl Body {
         self.motion[2].abs()
     }
 
-    /// Force of the screw on the table at rest, N.
-    fn pull_n(&self) -> f64 {
-        self.stiffness_n_per_m * self.motion[0] + self.damping_n_s_per_m * self.motion[1]
+    /// Force of the screw on a table at rest, N.
+    fn pull_n(&self, motion: &Motion) -> f64 {
+        self.stiffness_n_per_m * motion[0] + self.damping_n_s_per_m * motion[1]
     }
 }
 

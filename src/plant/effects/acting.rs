@@ -46,7 +46,7 @@ impl Forced {
 #[derive(Debug)]
 pub(in crate::plant) struct Acting {
     effects: Effects,
-    /// How fast the forces change while the table runs.
+    /// How fast the forces change while the table runs; those of bristles tell themselves.
     pub(super) pace: Pace,
     pub(super) friction: Vec<Box<dyn Friction>>,
     pub(super) forces: Vec<Forced>,
@@ -96,10 +96,7 @@ impl Acting {
                 Action::NextAxis(make) => acting.next_axis.push(make(values, axis)),
             }
         }
-        acting.pace = match acting.bristles {
-            Some(_) => Pace::Fast,
-            None => acting.forces.iter().map(|forced| forced.force.pace()).max().unwrap_or(Pace::Slow),
-        };
+        acting.pace = acting.forces.iter().map(|forced| forced.force.pace()).max().unwrap_or(Pace::Slow);
         assert!(memories <= MEMORIES_MAX, "more than {MEMORIES_MAX} forces that remember");
         acting
     }
@@ -111,6 +108,11 @@ impl Acting {
             forced.force.prepare(&mut prepared);
         }
         prepared
+    }
+
+    /// Whether a step changes what is remembered, but for the time.
+    pub(super) fn remembers(&self) -> bool {
+        self.bristles.is_some() || self.forces.iter().any(|forced| forced.memory.is_some())
     }
 
     /// What is remembered in steady sliding, at a friction.

@@ -20,7 +20,7 @@ use super::super::maps::{Motion, StepMaps};
 use super::super::params::{Mechanics, Parameters};
 use super::super::{Body, Part};
 use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
-use super::hooks::{Action, Pace};
+use super::hooks::Action;
 use super::step::Stepping;
 
 pub(super) const ENTRY: Entry = Entry {
@@ -143,20 +143,24 @@ impl Body {
         command_n: f64,
         stepping: &S,
     ) {
-        if stepping.pace() == Pace::Slow && self.is_running() {
+        let mut done = 0;
+        let (maps, length) = part.stride(stepping.pace(self));
+        while length > 0 && done + length <= part.fine_steps {
             let before = (self.motion, self.remembered);
             let (flank, _) = self.gap.contact(&self.motion, self);
-            if flank != Flank::None {
-                self.motion[0] -= self.gap.rest_m(flank);
-                let slides_on = stepping.span(self, &part.whole, command_n);
-                self.motion[0] += self.gap.rest_m(flank);
-                if slides_on && self.gap.contact(&self.motion, self).0 == flank {
-                    return;
-                }
-                (self.motion, self.remembered) = before;
+            if flank == Flank::None {
+                break;
             }
+            self.motion[0] -= self.gap.rest_m(flank);
+            let goes_on = stepping.span(self, maps, command_n);
+            self.motion[0] += self.gap.rest_m(flank);
+            if !goes_on || self.gap.contact(&self.motion, self).0 != flank {
+                (self.motion, self.remembered) = before;
+                break;
+            }
+            done += length;
         }
-        for _ in 0..part.fine_steps {
+        for _ in done..part.fine_steps {
             self.step_with_gap(ladder, 0, command_n, stepping);
         }
     }

@@ -10,7 +10,7 @@
 //! Invariant: the stiffness stays above a tenth of nominal and below ten times.
 
 use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
-use super::hooks::{Action, Force, Instant};
+use super::hooks::{Action, Force, Instant, Pace};
 
 pub(super) const ENTRY: Entry = Entry {
     name: "position-dependent-stiffness",
@@ -29,6 +29,10 @@ struct Softening {
 }
 
 impl Force for Softening {
+    fn pace(&self) -> Pace {
+        Pace::Even
+    }
+
     fn stretch_m(&self, at: &Instant) -> f64 {
         at.deflection_m * (1.0 / (1.0 + self.share_per_m * at.table_m).clamp(0.1, 10.0) - 1.0)
     }

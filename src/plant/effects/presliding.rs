@@ -10,8 +10,10 @@
 //! the force but not the turning points before the last.
 //! Invariant: passive, what the bristles give back they were given.
 
+use std::f64::consts::TAU;
+
 use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
-use super::hooks::{Action, Bristles};
+use super::hooks::{Action, Bristles, Pace};
 
 pub(super) const ENTRY: Entry = Entry {
     name: "presliding",
@@ -21,8 +23,10 @@ pub(super) const ENTRY: Entry = Entry {
     coordinate: Coordinate::WaySinceReversal,
     experiment: Experiment::SmallReversals,
     aliases: &[],
-    action: Action::Bristles(|values, axis| Bristles {
-        stiffness_n_per_m: axis.friction.sliding.as_n() / (1e-6 * values[0]),
+    action: Action::Bristles(|values, axis| {
+        let stiffness_n_per_m = axis.friction.sliding.as_n() / (1e-6 * values[0]);
+        let frequency_hz = (stiffness_n_per_m / axis.mechanics.mass_kg).sqrt() / TAU;
+        Bristles { stiffness_n_per_m, pace: Pace::of_swing(frequency_hz) }
     }),
 };
 

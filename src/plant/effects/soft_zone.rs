@@ -8,7 +8,7 @@
 //! Invariant: a function of the deflection alone, so conservative.
 
 use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
-use super::hooks::{Action, Force, Instant};
+use super::hooks::{Action, Force, Instant, Pace};
 
 pub(super) const ENTRY: Entry = Entry {
     name: "soft-zone",
@@ -33,6 +33,10 @@ struct SoftZone {
 }
 
 impl Force for SoftZone {
+    fn pace(&self) -> Pace {
+        Pace::Even
+    }
+
     fn stretch_m(&self, at: &Instant) -> f64 {
         -self.softness * at.deflection_m.clamp(-self.half_m, self.half_m)
     }

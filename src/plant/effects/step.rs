@@ -12,9 +12,9 @@ use super::hooks::{Instant, Pace};
 
 /// How a body is moved on.
 pub(in crate::plant) trait Stepping {
-    /// How fast the forces change while the table runs.
-    fn pace(&self) -> Pace;
-    /// Move on by one step if the table slides on all along it.
+    /// How fast the forces change now.
+    fn pace(&self, body: &Body) -> Pace;
+    /// Move on by one step if the table slides on, or stands, all along it.
     fn span(&self, body: &mut Body, maps: &StepMaps, command_n: f64) -> bool;
     /// Move on by one step; whether the table stands at its end.
     fn moved(&self, body: &mut Body, maps: &StepMaps, command_n: f64) -> bool;
@@ -22,6 +22,16 @@ pub(in crate::plant) trait Stepping {
     /// the screw beyond the flank that touches, `pull_n` its force.
     fn break_away(&self, body: &mut Body, maps: &StepMaps, deflection_m: f64, pull_n: f64);
 }
+
+/// Whether friction holds a table that is pulled so at the start of a step and so at its end, and by no more between
+/// them than they differ.
+#[inline(always)]
+fn holds(breakaway_n: f64, start_n: f64, end_n: f64) -> bool {
+    start_n.abs().max(end_n.abs()) + (end_n - start_n).abs() < breakaway_n
+}
+
+/// Bristles that are so near to slipping are no spring.
+const BENT: f64 = 1e-4;
 
 /// An axis without effects.
 #[derive(Clone, Copy, Debug)]
@@ -46,12 +56,20 @@ impl Bare {
 
 impl Stepping for Bare {
     #[inline(always)]
-    fn pace(&self) -> Pace {
-        Pace::Slow
+    fn pace(&self, body: &Body) -> Pace {
+        if body.is_running() || body.slide == 0.0 { Pace::Slow } else { Pace::Fast }
     }
 
     #[inline(always)]
     fn span(&self, body: &mut Body, maps: &StepMaps, command_n: f64) -> bool {
+        if body.slide == 0.0 {
+            let end = maps.stick.apply(&body.motion, command_n, 0.0);
+            let stands_on = holds(body.law.breakaway().as_n(), body.pull_n(&body.motion), body.pull_n(&end));
+            if stands_on {
+                body.motion = end;
+            }
+            return stands_on;
+        }
         let end = Self::slid(body, &maps.slip, command_n);
         let slides_on = end[2] * body.slide > 0.0;
         if slides_on {
@@ -105,6 +123,25 @@ impl Acting {
         }
     }
 
+    /// The force that pulls a standing table, N, and the instant at which it is pulled that way; `deflection_m` is that of the
+    /// screw beyond the flank that touches, `pull_n` its force.
+    fn pulled(
+        &self,
+        body: &Body,
+        maps: &StepMaps,
+        motion: &Motion,
+        remembered: &Remembered,
+        deflection_m: f64,
+        pull_n: f64,
+    ) -> (f64, Instant) {
+        let mut at = self.instant(body, maps, motion, remembered.time_s);
+        (at.deflection_m, at.screw_n) = (deflection_m, pull_n);
+        let stretch_m: f64 = self.forces.iter().map(|forced| forced.force.stretch_m(&at)).sum();
+        let all_n = pull_n + maps.stiffness_n_per_m * stretch_m + self.on_table_n(&at, remembered);
+        at.side = all_n.signum();
+        (all_n, at)
+    }
+
     fn loads(&self, body: &Body, maps: &StepMaps, at: &Instant, all: &Remembered) -> Loads {
         let friction_n = match self.bristles {
             Some(_) => all.bristles_n,
@@ -146,29 +183,57 @@ impl Acting {
         let start = self.loads(body, maps, &from, &body.remembered);
         let mut end = map.apply_loaded(&body.motion, command_n, start.motor_n, start.table_n);
         let predicted = self.instant(body, maps, &end, end_s);
-        let last = self.loads(body, maps, &predicted, &self.advanced(body, maps, &from, &predicted));
+        let remembers = self.remembers();
+        let last = if remembers {
+            self.loads(body, maps, &predicted, &self.advanced(body, maps, &from, &predicted))
+        } else {
+            self.loads(body, maps, &predicted, &body.remembered)
+        };
         map.correct_loaded(
             &mut end,
             0.5 * (last.motor_n - start.motor_n),
             0.5 * (last.table_n - start.table_n),
         );
+        if !remembers {
+            return (end, Remembered { time_s: end_s, ..body.remembered });
+        }
         let to = self.instant(body, maps, &end, end_s);
         (end, self.advanced(body, maps, &from, &to))
     }
 }
 
 impl Stepping for Acting {
-    fn pace(&self) -> Pace {
-        self.pace
+    fn pace(&self, body: &Body) -> Pace {
+        match &self.bristles {
+            None if body.is_running() || body.slide == 0.0 => self.pace,
+            None => Pace::Fast,
+            // They hold the table and do not let it stick: nothing happens within a step that they do not tell.
+            Some(bristles) => {
+                let sliding_n = body.law.magnitude_n(body.table_speed()) * body.slide;
+                let are_slipping = (body.remembered.bristles_n - sliding_n).abs() <= BENT * sliding_n.abs();
+                if body.is_running() && are_slipping { self.pace } else { bristles.pace.max(self.pace) }
+            }
+        }
     }
 
     fn span(&self, body: &mut Body, maps: &StepMaps, command_n: f64) -> bool {
-        let (end, remembered) = self.carried(body, maps, &maps.slip, command_n);
-        let slides_on = end[2] * body.slide > 0.0;
-        if slides_on {
+        let stands = body.slide == 0.0 && self.bristles.is_none();
+        let map = if stands { &maps.stick } else { &maps.slip };
+        let (end, remembered) = self.carried(body, maps, map, command_n);
+        let goes_on = if stands {
+            let [start, end] =
+                [(&body.motion, &body.remembered), (&end, &remembered)].map(|(motion, remembered)| {
+                    self.pulled(body, maps, motion, remembered, motion[0], body.pull_n(motion))
+                });
+            let breakaway_n = |at: &Instant| self.friction_n(body.law.breakaway().as_n(), at);
+            holds(breakaway_n(&start.1).min(breakaway_n(&end.1)), start.0, end.0)
+        } else {
+            end[2] * body.slide > 0.0
+        };
+        if goes_on {
             (body.motion, body.remembered) = (end, remembered);
         }
-        slides_on
+        goes_on
     }
 
     fn moved(&self, body: &mut Body, maps: &StepMaps, command_n: f64) -> bool {
@@ -184,11 +249,7 @@ impl Stepping for Acting {
     }
 
     fn break_away(&self, body: &mut Body, maps: &StepMaps, deflection_m: f64, pull_n: f64) {
-        let mut at = self.instant(body, maps, &body.motion, body.remembered.time_s);
-        (at.deflection_m, at.screw_n) = (deflection_m, pull_n);
-        let stretch_m: f64 = self.forces.iter().map(|forced| forced.force.stretch_m(&at)).sum();
-        let all_n = pull_n + maps.stiffness_n_per_m * stretch_m + self.on_table_n(&at, &body.remembered);
-        at.side = all_n.signum();
+        let (all_n, at) = self.pulled(body, maps, &body.motion, &body.remembered, deflection_m, pull_n);
         if all_n.abs() > self.friction_n(body.law.breakaway().as_n(), &at) {
             body.slide = at.side;
         }
