@@ -63,7 +63,8 @@ pub struct Fitted {
     pub covariance: DMatrix<f64>,
 }
 
-fn believed(model: &Model) -> f64 {
+/// What the coordinates of a model cost by what is believed of them.
+pub fn believed(model: &Model) -> f64 {
     let (at, expected, sureness) = (model.coordinates(), model.expected(), model.sureness());
     at.iter().zip(expected).zip(sureness).map(|((at, expected), sure)| ((at - expected) / sure).powi(2)).sum()
 }
@@ -73,7 +74,7 @@ pub fn fit(problem: &Problem<'_>, start: &Model, effort: Effort, known: Option<&
     if effort != Effort::Fine {
         return descended(problem, start, effort, known);
     }
-    let smooth = descended(&problem.smooth(), start, effort, None);
+    let smooth = descended(&problem.first_passes().smooth(), start, effort, None);
     let is_better = cost_of(problem, &smooth.model, Part::Fit) < cost_of(problem, start, Part::Fit);
     descended(problem, if is_better { &smooth.model } else { start }, effort, known)
 }
@@ -147,7 +148,7 @@ fn descended(problem: &Problem<'_>, start: &Model, effort: Effort, known: Option
             } else {
                 Vec::new()
             };
-            let Some((other, other_left, other_total)) = best_of(problem, kicks) else { break };
+            let Some((other, other_left, other_total)) = best_of(problem, &kicks) else { break };
             if total - other_total < half_a_unit(total) {
                 break;
             }
@@ -186,10 +187,13 @@ fn sum(left: &[Residual], knee: f64) -> f64 {
     left.iter().map(|run| cost(run, knee)).sum()
 }
 
-/// That of some models which leaves the least, with what it leaves and the total.
-fn best_of(problem: &Problem<'_>, models: Vec<Model>) -> Option<(Model, Vec<Residual>, f64)> {
-    // What all of them leave would not fit into memory.
-    let totals: Vec<f64> = models.par_iter().map(|model| left_by(problem, model, K).1).collect();
+/// That of some models which leaves the least of the first passes, with what it leaves of all rows and the total.
+fn best_of(problem: &Problem<'_>, models: &[Model]) -> Option<(Model, Vec<Residual>, f64)> {
+    if models.is_empty() {
+        return None;
+    }
+    let once = problem.first_passes();
+    let totals: Vec<f64> = models.par_iter().map(|model| left_by(&once, model, K).1).collect();
     let best = (0..models.len()).min_by(|a, b| totals[*a].total_cmp(&totals[*b]))?;
     let (left, total) = left_by(problem, &models[best], K);
     Some((models[best].clone(), left, total))

@@ -22,6 +22,8 @@ const BLOCK_S: f64 = 0.2;
 const EVENT: f64 = 4.0;
 /// Order of the whitening filter: rows after one that does not count do so no more until it is forgotten.
 pub(super) const ORDER: usize = 12;
+/// Rows that are whitened together.
+const STRETCH: usize = 256;
 
 /// Noise of one signal.
 #[derive(Clone, Debug, PartialEq)]
@@ -207,17 +209,22 @@ impl Noise {
 
     /// The signal as independent values of variance 1, where it is noise.
     pub fn whitened(&self, signal: &[f64]) -> Vec<f64> {
-        (0..signal.len())
-            .map(|row| {
-                let known: f64 = self
-                    .memory
-                    .iter()
-                    .enumerate()
-                    .map(|(back, a)| if row > back { a * signal[row - 1 - back] } else { 0.0 })
-                    .sum();
-                (signal[row] - known) / self.left
-            })
-            .collect()
+        let scale = self.left.recip();
+        let mut white = Vec::with_capacity(signal.len());
+        // Coefficient by coefficient over a stretch: rows do not wait for each other then.
+        for from in (0..signal.len()).step_by(STRETCH) {
+            let to = (from + STRETCH).min(signal.len());
+            let mut rest = [0.0; STRETCH];
+            let rest = &mut rest[..to - from];
+            rest.copy_from_slice(&signal[from..to]);
+            for (back, a) in self.memory.iter().enumerate() {
+                let first = from.max(back + 1).min(to);
+                let earlier = &signal[(first - back - 1).min(to)..];
+                rest[first - from..].iter_mut().zip(earlier).for_each(|(rest, before)| *rest -= a * before);
+            }
+            white.extend(rest.iter().map(|rest| rest * scale));
+        }
+        white
     }
 }
 

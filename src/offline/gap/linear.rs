@@ -127,6 +127,11 @@ impl Linear {
         Self { model: model.clone(), runs: places.enumerate().map(of).collect() }
     }
 
+    /// Sum of `ρ` over what is left.
+    pub fn cost(&self) -> f64 {
+        self.runs.iter().map(|run| cost(&run.residual, K)).sum()
+    }
+
     /// The same derivatives where another model leaves this.
     pub fn leaves(&mut self, left: Vec<Residual>) {
         self.runs.iter_mut().zip(left).for_each(|(run, residual)| run.residual = residual);

@@ -17,20 +17,24 @@ use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::fit::{Effort, Fitted, LEAST_PER_ROW, fit};
-use super::linear::{BLOCK_S, Linear, Steps, residuals, rho};
+use super::fit::{Effort, Fitted, LEAST_PER_ROW, believed, fit};
+use super::linear::{BLOCK_S, Linear, Steps, cost_of, residuals, rho};
 use super::model::Model;
 use super::problem::{Part, Problem};
 use super::shortlist::{Scored, shortlist};
 use super::spectrum::Peaks;
 use crate::plant::effects::{CATALOGUE, Experiment, entry};
 
-/// Candidates that are fitted together with the base.
+/// Candidates that are fitted together with the base to the first pass of each command; of these so many at most, and
+/// those that explain this share of what the best explains, are fitted to all rows.
 const FITTED: usize = 6;
+const FINALISTS: (usize, f64) = (4, 0.6);
 /// Most effects that are named of an axis.
 const EFFECTS_MAX: usize = 4;
-/// Iterations of coarse fits: of the base, and of a candidate with it.
+/// Iterations of coarse fits: of the base, and of a candidate with it; after so many of a candidate's the better of its
+/// two starts goes on alone.
 const ITERATIONS: [usize; 2] = [12, 6];
+const ITERATIONS_OF_STARTS: usize = 2;
 /// Fall of the information criterion that a candidate must bring on the fitted rows, beyond what the number of candidates
 /// explains.
 const FALL: f64 = 10.0;
@@ -135,21 +139,19 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
     progress("fitting the base model");
     let once = problem.first_passes();
     let coarse = fit(problem, start, Effort::Coarse(ITERATIONS[0]), None);
-    let coarse_blocks = Blocks::new(problem, &coarse.model);
-    let (mut model, mut blocks) = (coarse.clone(), coarse_blocks);
+    let (mut model, mut blocks) = (coarse.clone(), Blocks::new(problem, &coarse.model));
+    // The base at its bottom, which is known where a name was put to the test.
+    let mut base: Option<Fitted> = None;
     let mut effects: Vec<NamedEffect> = Vec::new();
     let mut refused = Vec::new();
     while effects.len() < EFFECTS_MAX {
         progress("looking for what is missing");
-        let steps = Steps::widest(&model.model);
-        let linear = |problem: &Problem<'_>| {
-            Linear::new(problem, &model.model, residuals(problem, &model.model, Part::Fit), None, &steps)
-        };
-        let here = linear(problem);
         let peaks = Peaks::new(problem, &model.model);
-        let listed = shortlist(&once, &linear(&once), &|key| peaks.of(key));
+        let here = linear(&once, &model.model);
+        let listed = shortlist(&once, &here, &|key| peaks.of(key));
         progress("fitting what may be missing");
-        let mut candidates = tried(problem, &here, &model, &blocks, &listed, rows);
+        let promising = screened(&once, &here, &listed);
+        let mut candidates = tried(problem, &model, &blocks, &promising, rows);
         candidates.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
         let (passed, failed): (Vec<Candidate>, Vec<Candidate>) =
             candidates.into_iter().partition(|candidate| candidate.failed.is_empty());
@@ -166,13 +168,18 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
             class.iter().map(|one| (0.5 * (one.evidence - best.evidence) / margin).exp()).collect();
         let all: f64 = weights.iter().sum();
         let class = class.into_iter().zip(weights.iter().map(|weight| weight / all)).collect();
-        model = refitted(problem, &best.fitted.model, start);
+        progress(&format!("{}: is it needed?", best.name()));
+        model = refitted(problem, &once, &best.fitted.model, start);
         blocks = Blocks::new(problem, &model.model);
         effects.push(NamedEffect { name: best.name(), class, runner_up });
         // On its way to the effect the base may have left a valley in which the fit without it was held up: what is
         // gained is what is lost again without it, from here.
-        if let Some((without, without_blocks)) = unneeded(problem, &model, &blocks, effects.len() - 1, rows) {
-            (model, blocks) = (without, without_blocks);
+        let test = Without::of(problem, &model, effects.len() - 1);
+        if effects.len() == 1 {
+            base = Some(test.fitted.clone());
+        }
+        if !test.shows_need(&model, &blocks, effects.len() - 1, rows) {
+            (model, blocks) = (test.fitted, test.blocks);
             effects.pop();
             let mut best = best;
             best.failed.push(Gate::Needed);
@@ -183,17 +190,17 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
     // Backwards: what came first may have stood for what came later.
     let mut place = 0;
     while effects.len() > 1 && place + 1 < effects.len() {
-        match unneeded(problem, &model, &blocks, place, rows) {
-            Some((without, without_blocks)) => {
-                effects.remove(place);
-                (model, blocks) = (without, without_blocks);
-                place = 0;
-            }
-            None => place += 1,
+        let test = Without::of(problem, &model, place);
+        if test.shows_need(&model, &blocks, place, rows) {
+            place += 1;
+        } else {
+            effects.remove(place);
+            (model, blocks) = (test.fitted, test.blocks);
+            place = 0;
         }
     }
     progress("fitting the base model to the end");
-    let base = fit(problem, &coarse.model, Effort::Fine, None);
+    let base = base.unwrap_or_else(|| fit(problem, &coarse.model, Effort::Fine, None));
     let base_blocks = Blocks::new(problem, &base.model);
     if effects.is_empty() {
         (model, blocks) = (base.clone(), base_blocks.clone());
@@ -202,34 +209,40 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
     Named { base, base_held, model, held, effects, refused, rows }
 }
 
-/// The model without the effect of a place, fitted from there, with its blocks, if it does as well on either part.
-fn unneeded(
-    problem: &Problem<'_>,
-    model: &Fitted,
-    blocks: &Blocks,
-    place: usize,
-    rows: [usize; 2],
-) -> Option<(Fitted, Blocks)> {
-    let without = fit(problem, &model.model.without(place), Effort::Fine, None);
-    let without_blocks = Blocks::new(problem, &without.model);
-    let parameters = model.model.effects[place].entry.parameters.len() as f64;
-    let fall =
-        (without.total - model.total) / scale(model.cost, rows[0]) - parameters * (rows[0] as f64).ln();
-    let held_fall = (without_blocks.cost() - blocks.cost()) / scale(blocks.cost(), rows[1]);
-    let is_needed = fall > FALL && held_fall > HELD_FALL && without_blocks.is_surely_worse_than(blocks);
-    (!is_needed).then_some((without, without_blocks))
+/// A model where nothing of it is known well yet.
+fn linear(problem: &Problem<'_>, model: &Model) -> Linear {
+    Linear::new(problem, model, residuals(problem, model, Part::Fit), None, &Steps::widest(model))
+}
+
+/// A model without one of its effects, fitted to the bottom from where it stands with it.
+struct Without {
+    fitted: Fitted,
+    blocks: Blocks,
+}
+
+impl Without {
+    fn of(problem: &Problem<'_>, model: &Fitted, place: usize) -> Self {
+        let fitted = fit(problem, &model.model.without(place), Effort::Fine, None);
+        Self { blocks: Blocks::new(problem, &fitted.model), fitted }
+    }
+
+    /// Whether it does worse on both parts than the model with the effect.
+    fn shows_need(&self, model: &Fitted, blocks: &Blocks, place: usize, rows: [usize; 2]) -> bool {
+        let parameters = model.model.effects[place].entry.parameters.len() as f64;
+        let fall = (self.fitted.total - model.total) / scale(model.cost, rows[0])
+            - parameters * (rows[0] as f64).ln();
+        let held_fall = (self.blocks.cost() - blocks.cost()) / scale(blocks.cost(), rows[1]);
+        fall > FALL && held_fall > HELD_FALL && self.blocks.is_surely_worse_than(blocks)
+    }
 }
 
 /// A model with what was named, fitted anew. The base that was fitted without it may have taken its place, in a valley
 /// of its own, so it also begins from the base of the file.
-fn refitted(problem: &Problem<'_>, named: &Model, start: &Model) -> Fitted {
+fn refitted(problem: &Problem<'_>, once: &Problem<'_>, named: &Model, start: &Model) -> Fitted {
     let of_file = Model { base: start.base, ..named.clone() };
-    let (one, other) = rayon::join(
-        || fit(problem, named, Effort::Coarse(ITERATIONS[1]), None),
-        || fit(problem, &of_file, Effort::Coarse(ITERATIONS[0]), None),
-    );
-    let better = if other.total < one.total { other } else { one };
-    fit(problem, &better.model, Effort::Fine, None)
+    let other = fit(once, &of_file, Effort::Coarse(ITERATIONS[0]), None).model;
+    let total = |model: &Model| cost_of(problem, model, Part::Fit) + believed(model);
+    fit(problem, if total(&other) < total(named) { &other } else { named }, Effort::Fine, None)
 }
 
 /// What is left per row.
@@ -244,27 +257,48 @@ fn is_alias(name: &str, other: &str) -> bool {
     })
 }
 
-/// The most promising of a list, fitted beside the model that was fitted before.
+/// The most promising of a list, fitted to few rows beside the model that was fitted before, from the better of two
+/// starts; and of these those that explain most.
+fn screened(once: &Problem<'_>, here: &Linear, listed: &[Scored]) -> Vec<Model> {
+    let without = here.cost() + believed(&here.model);
+    let penalty = (once.count(Part::Fit).max(1) as f64).ln();
+    let one = |scored: &Scored| {
+        let begin = |start: &Model| fit(once, start, Effort::Coarse(ITERATIONS_OF_STARTS), Some(here));
+        let [first, second] = scored.starts.each_ref().map(begin);
+        let better = if second.total < first.total { second } else { first };
+        let rest = Effort::Coarse(ITERATIONS[1] - ITERATIONS_OF_STARTS);
+        let fitted = fit(once, &better.model, rest, Some(here));
+        let scale = scale(fitted.cost, once.count(Part::Fit));
+        let fall = (without - fitted.total) / scale - scored.entry().parameters.len() as f64 * penalty;
+        (fitted.model, fall)
+    };
+    let mut fitted: Vec<(Model, f64)> = listed.par_iter().take(FITTED).map(one).collect();
+    fitted.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let best = fitted.first().map_or(0.0, |(_, fall)| *fall);
+    fitted.retain(|(_, fall)| *fall > 0.0 && *fall >= FINALISTS.1 * best);
+    fitted.into_iter().take(FINALISTS.0).map(|(model, _)| model).collect()
+}
+
+/// Models with an effect more, fitted to all rows and put to every gate but the last.
 fn tried(
     problem: &Problem<'_>,
-    here: &Linear,
     without: &Fitted,
     blocks_without: &Blocks,
-    listed: &[Scored],
+    promising: &[Model],
     rows: [usize; 2],
 ) -> Vec<Candidate> {
+    if promising.is_empty() {
+        return Vec::new();
+    }
+    let here = linear(problem, &without.model);
     let without_held = blocks_without.cost();
-    let one = |scored: &Scored| {
-        let fits = scored
-            .starts
-            .each_ref()
-            .map(|start| fit(problem, start, Effort::Coarse(ITERATIONS[1]), Some(here)));
-        let [first, second] = fits;
-        let fitted = if second.total < first.total { second } else { first };
+    let one = |start: &Model| {
+        let fitted = fit(problem, start, Effort::Coarse(ITERATIONS[1]), Some(&here));
         let blocks = Blocks::new(problem, &fitted.model);
         let held = blocks.cost();
         let added = fitted.model.effects.len() - 1;
-        let parameters = scored.entry().parameters.len();
+        let entry = fitted.model.effects[added].entry;
+        let parameters = entry.parameters.len();
         let scale = scale(fitted.cost, rows[0]);
         let held_scale = self::scale(held, rows[1]);
         let fall = (without.total - fitted.total) / scale - parameters as f64 * (rows[0] as f64).ln();
@@ -284,7 +318,6 @@ fn tried(
         let place = fitted.model.first_coordinate(added);
         let coordinates = fitted.model.coordinates();
         let is_sure = |at: usize| coordinates[at].abs() > SURE * fitted.covariance[(at, at)].sqrt();
-        let entry = fitted.model.effects[added].entry;
         if !entry.amplitudes().any(|amplitude| is_sure(place + amplitude)) {
             failed.push(Gate::Amplitude);
         }
@@ -293,7 +326,7 @@ fn tried(
         }
         Candidate { evidence: fall + held_fall, fitted, held, failed }
     };
-    listed.par_iter().take(FITTED).map(one).collect()
+    promising.par_iter().map(one).collect()
 }
 
 /// Cost of the rows that were not fitted, block by block.
