@@ -13,9 +13,10 @@ const MARKS: [&str; 2] = ["<!-- coverage -->\n", "<!-- /coverage -->\n"];
 /// Logs; each has two axes, and every axis is a machine of its own. All of them with `QUADRANT_FULL`, for the table.
 const LOGS: u64 = 50;
 const SOME_LOGS: u64 = 20;
-/// Bounds of the share of intervals that contain the truth, %, by parameter: of one encoder alone they are too few.
+/// Bounds of the share of intervals that contain the truth, %, by parameter: of one encoder alone they are too few. The
+/// lower one holds for what is counted, the upper one for the chance behind it.
 const BOUNDS_PERCENT: [f64; 2] = [90.0, 99.0];
-/// What has a share at one of these bounds shows a number beyond ours once in so many times.
+/// What has a chance of the upper bound shows a number beyond ours once in so many times.
 const ONCE_IN: f64 = 40.0;
 /// Parameters that say nothing of each other; the others are the same measurement again, of one way or another unit.
 const APART: [&str; 10] = [
@@ -115,7 +116,7 @@ fn intervals_contain_the_truth_as_often_as_they_say() {
         let known: usize = of.iter().map(|row| row.errors.len()).sum();
         let [itself, off] = [0, 1].map(|place| of.iter().map(|row| row.inside[place]).sum::<usize>());
         for (inside, how) in [(itself, "itself"), (off, "with its torque constant")] {
-            let bounds = likely(known);
+            let bounds = bounds_of(known);
             let is_within = (bounds[0]..=bounds[1]).contains(&(inside as f64));
             assert!(known == 0 || is_within, "{name}, {how}: {inside} of {known}, bounds {bounds:?}");
         }
@@ -125,17 +126,17 @@ fn intervals_contain_the_truth_as_often_as_they_say() {
         }
     }
     let [inside, known] = apart;
-    let bounds = likely(known);
+    let bounds = bounds_of(known);
     let is_within = (bounds[0]..=bounds[1]).contains(&(inside as f64));
     assert!(is_within, "all parameters: {inside} of {known}, bounds {bounds:?}");
 }
 
-/// How many of so many are inside where the share is within its bounds, as the binomial distribution has it. Of one
-/// parameter of a hundred machines all may be inside; of all parameters together they may not.
-fn likely(count: usize) -> [f64; 2] {
-    let of = |percent: f64| Binomial::new(0.01 * percent, count as u64).expect("a chance");
-    let [low, high] = BOUNDS_PERCENT.map(of);
-    [low.inverse_cdf(1.0 / ONCE_IN) as f64, high.inverse_cdf(1.0 - 1.0 / ONCE_IN) as f64]
+/// How many of so many must be inside, and how many may be, as the binomial distribution has it: of one parameter of a
+/// hundred machines all may, of all parameters together they may not.
+fn bounds_of(count: usize) -> [f64; 2] {
+    let [low, high] = BOUNDS_PERCENT.map(|percent| 0.01 * percent);
+    let most = Binomial::new(high, count as u64).expect("a chance").inverse_cdf(1.0 - 1.0 / ONCE_IN);
+    [low * count as f64, most as f64]
 }
 
 fn line(((name, encoder), row): (&(&str, &str), &Row)) -> String {
