@@ -23,6 +23,7 @@
 
 mod compressed;
 pub mod known;
+pub mod passage;
 pub mod ramp;
 pub mod reversal;
 pub mod search;

@@ -1,25 +1,21 @@
 //! A reversal of a log, and the same reversal as the shipped loops make it of another axis.
 //!
 //! What the log commanded is commanded again, from the same place and speed, with the same gains, encoder and
-//! delays ([`ClosedAxis`]). Compared is the current that was asked for, as a force at the table: the loops make it of
-//! encoder counts and setpoints alone, so it is without the noise of a current measurement. Friction is that of the
-//! place: the sliding at both ends of the reversal and the ripple of the screw tell how much it is there.
+//! delays. Friction is that of the place: the sliding at both ends of the reversal and the ripple of the screw tell
+//! how much it is there.
 //! Units: SI, N at the table, positive along the motion before the reversal.
 //! Invariant: both reversals are looked at in the same rows, by the same `signature`.
 
 use std::ops::Range;
 
 use super::super::measured::Measured;
-use super::super::ripple::Ripple;
 use super::super::stretches::Stretch;
 use super::Chance;
+use super::passage::{Believed, Passage};
 use super::signature::{Signature, of_reversal};
-use crate::base::setpoint::Setpoint;
-use crate::base::units::{Acceleration, Position, Velocity};
+use crate::base::units::Velocity;
 use crate::config::machine::Axis;
-use crate::offline::closed_axis::ClosedAxis;
 use crate::plant::friction::Law;
-use crate::plant::{Parameters, Plant};
 
 /// Before the rows of a stretch, for what is left of the beginning to fade, s.
 const SETTLE_S: f64 = 0.25;
@@ -32,28 +28,10 @@ const FACTOR_MAX: f64 = 1.3;
 /// Sixteenths of a stretch that are looked at: what goes before and comes after is sliding.
 const LOOKED_AT: Range<usize> = 3..14;
 
-/// What of an axis a log of it is looked at with.
-#[derive(Clone, Copy, Debug)]
-pub struct Believed<'a> {
-    /// Of the log.
-    pub axis: &'a Axis,
-    /// As far as it is known, its falling part left aside.
-    pub plant: &'a Parameters,
-    /// How friction varies along the screw.
-    pub ripple: &'a Ripple,
-    /// What the current holds both ways alike, N.
-    pub offset_n: f64,
-}
-
 /// A reversal of a log.
 #[derive(Clone, Debug)]
 pub struct Reversal {
-    /// Of each row from the first.
-    setpoints: Vec<Setpoint>,
-    gain_set: u8,
-    /// The motor in the first row.
-    position: Position,
-    velocity: Velocity,
+    passage: Passage,
     /// Rows of the stretch, and those of it that are looked at.
     stretch: Range<usize>,
     seen: Range<usize>,
@@ -61,49 +39,28 @@ pub struct Reversal {
     asked_n: Vec<f64>,
     /// Friction where the axis reverses, as a multiple of its mean.
     factor: f64,
-    newtons_per_a: f64,
 }
 
 impl Reversal {
     /// A stretch with the sliding before it; `None` where that is too short.
     pub fn new(measured: &Measured, stretch: &Stretch, believed: &Believed<'_>) -> Option<Self> {
         let piece = &measured.pieces[stretch.piece];
-        let control = &believed.axis.control;
-        // It begins with a tick of the position loop.
         let settled = stretch.rows.start.checked_sub(measured.rows(SETTLE_S))?;
-        let cycle = piece.first_cycle + settled as u64;
-        let first = settled.checked_sub((cycle % u64::from(control.position_every)) as usize)?;
+        let first = believed.position_tick(piece, settled)?;
         let rows = first..stretch.rows.end;
-        let velocity = piece.velocity_m_per_s[first];
-        let slides = |row: usize| piece.velocity_m_per_s[row] * velocity.signum() > SLIDES_M_PER_S;
-        let gain_set = piece.gain_set[first];
-        let is_whole = (first..stretch.rows.start).all(slides)
-            && rows.clone().all(|row| piece.gain_set[row] == gain_set)
-            && gain_set < control.gain_set_count;
-        if !is_whole {
+        let way = piece.velocity_m_per_s[first].signum();
+        let slides = |row: usize| piece.velocity_m_per_s[row] * way > SLIDES_M_PER_S;
+        if !(first..stretch.rows.start).all(slides) {
             return None;
         }
-        let setpoint = |row: usize| Setpoint {
-            position: Position::m(piece.setpoint_m[row]),
-            velocity: Velocity::m_per_s(piece.setpoint_m_per_s[row]),
-            acceleration: Acceleration::ZERO,
-        };
-        let newtons_per_a = believed.plant.actuator.torque_constant_nm_per_a
-            * believed.plant.mechanics.force_per_torque()
-            * velocity.signum();
-        let offset_n = believed.offset_n * velocity.signum();
-        let asked_n = |row: usize| piece.current_command_a[row] * newtons_per_a - offset_n;
+        let asked_n = |row: usize| believed.asked_n(piece, row, way);
         let sixteenth = |number: usize| (stretch.rows.start - first) + number * stretch.rows.len() / 16;
         Some(Self {
-            setpoints: rows.clone().map(setpoint).collect(),
-            gain_set,
-            position: Position::m(piece.position_m[first]),
-            velocity: Velocity::m_per_s(velocity),
+            passage: Passage::new(piece, rows.clone(), believed, way)?,
             stretch: stretch.rows.start - first..rows.len(),
             seen: sixteenth(LOOKED_AT.start)..sixteenth(LOOKED_AT.end),
             asked_n: rows.map(asked_n).collect(),
             factor: factor(measured, stretch, believed, asked_n),
-            newtons_per_a,
         })
     }
 
@@ -120,19 +77,7 @@ impl Reversal {
 
     /// Asked for by the loops of an axis in the first so many rows, N.
     fn simulated_n(&self, axis: &Axis, chance: Chance, rows: usize) -> Vec<f64> {
-        let mut axis = *axis;
-        axis.plant.friction = axis.plant.friction.scaled(self.factor * chance.friction);
-        let start = self.position + axis.scale.motor_resolution() * chance.count;
-        let plant = Plant::sliding(&axis.plant, axis.control.tick, self.velocity, start);
-        let gains = axis.control.gain_sets[usize::from(self.gain_set)];
-        let mut run = ClosedAxis::sliding(&axis, plant, start, self.velocity, &gains);
-        let every = axis.control.position_every as usize;
-        let row = |(row, setpoint): (usize, &Setpoint)| {
-            run.row(setpoint, row.is_multiple_of(every), None);
-            run.pass();
-            run.asked().as_a() * self.newtons_per_a
-        };
-        self.setpoints[..rows].iter().enumerate().map(row).collect()
+        self.passage.asked_n(axis, chance, self.factor, rows, None)
     }
 
     /// The whole stretch: time in s, asked for in the log and of an axis, N.

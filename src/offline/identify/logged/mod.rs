@@ -15,8 +15,9 @@ mod findings;
 
 use super::comparison::{Comparison, Model, Start};
 use super::fall::known::{Known, Uncertainty};
+use super::fall::passage::Believed;
 use super::fall::ramp::Ramp;
-use super::fall::reversal::{Believed, Reversal};
+use super::fall::reversal::Reversal;
 use super::fall::{Depth, Evidence, Falls};
 use super::inertia;
 use super::least_squares::student95;
