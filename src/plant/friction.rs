@@ -121,6 +121,12 @@ impl Law {
         }
     }
 
+    /// Whether the table goes so fast that its friction has fallen to that of sliding.
+    #[inline]
+    pub(super) fn has_fallen_at(&self, speed_m_per_s: f64) -> bool {
+        speed_m_per_s > self.fall_end_m_per_s
+    }
+
     /// Whether the force is the same at every speed from this one up, so that one evaluation serves a step.
     #[inline]
     pub(super) fn is_flat_above(&self, speed_m_per_s: f64) -> bool {

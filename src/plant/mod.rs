@@ -8,7 +8,7 @@
 //! | `offline` | loop margins, identification, tuning, gap |
 //!
 //! [`Plant::step`] advances one servo tick by exact maps (`maps.rs`): one step of the tick while the
-//! table runs or is held fast, ten while it creeps, reverses or may break away. The friction force is predicted at the start of a step
+//! table runs above `D_v` or is held fast, ten while it creeps, reverses or may break away. The friction force is predicted at the start of a step
 //! and corrected by its mean over the step; the table sticks when its velocity changes sign within
 //! `F_max` and tears loose when `|K d + C v_m|` exceeds it. Against a step 25 times smaller this holds
 //! the protrusion of a circle within a few nanometres (`cargo bench --bench plant`). What real axes have beyond
@@ -39,8 +39,6 @@ use maps::{Motion, StepMaps};
 
 /// Steps of a tick while the table creeps, reverses or may break away.
 pub const FINE_STEPS: u32 = 10;
-/// Table speed above which one step spans the tick: four times the default `D_v`.
-const CREEP: Velocity = Velocity::mm_per_s(2.0);
 /// Longest dead time of the actuator, in ticks.
 pub const DEAD_TICKS_MAX: usize = 8;
 
@@ -353,7 +351,8 @@ impl Body {
         }
         let mut done = 0;
         let (maps, length) = part.stride(stepping.pace(self));
-        // Where it would reverse or break away within a step that is taken again in fine ones.
+        // A step within which it would slow down into the fall of its friction, reverse or break away is taken again in
+        // fine ones.
         while length > 0 && done + length <= part.fine_steps && stepping.span(self, maps, command_n) {
             done += length;
         }
@@ -364,9 +363,9 @@ impl Body {
         }
     }
 
-    /// Whether the table slides fast enough for a step of the whole tick.
+    /// Whether the table slides fast enough for long steps.
     fn is_running(&self) -> bool {
-        self.slide != 0.0 && self.table_speed() > CREEP.as_m_per_s()
+        self.slide != 0.0 && self.law.has_fallen_at(self.table_speed())
     }
 
     /// After a step of sliding: whether the table has come to stand, which it does where it would turn back.

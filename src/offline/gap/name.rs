@@ -25,16 +25,17 @@ use super::shortlist::{Scored, shortlist};
 use super::spectrum::Peaks;
 use crate::plant::effects::{CATALOGUE, Experiment, entry};
 
-/// Candidates that are fitted together with the base to the first pass of each command; of these so many at most, and
-/// those that explain this share of what the best explains, are fitted to all rows.
+/// Candidates that are fitted together with the base to the first pass of each command. Those that explain this share of
+/// what the best of them explains stay: after a few iterations from the better of two starts, and in the end, of which so
+/// many at most are fitted to all rows.
 const FITTED: usize = 6;
-const FINALISTS: (usize, f64) = (4, 0.6);
+const SHARES: [f64; 2] = [0.3, 0.6];
+const FINALISTS: usize = 4;
 /// Most effects that are named of an axis.
 const EFFECTS_MAX: usize = 4;
-/// Iterations of coarse fits: of the base, and of a candidate with it; after so many of a candidate's the better of its
-/// two starts goes on alone.
+/// Iterations of coarse fits: of the base, and of a candidate with it, and those first few.
 const ITERATIONS: [usize; 2] = [12, 6];
-const ITERATIONS_OF_STARTS: usize = 2;
+const FEW: usize = 2;
 /// Fall of the information criterion that a candidate must bring on the fitted rows, beyond what the number of candidates
 /// explains.
 const FALL: f64 = 10.0;
@@ -261,22 +262,26 @@ fn is_alias(name: &str, other: &str) -> bool {
 /// starts; and of these those that explain most.
 fn screened(once: &Problem<'_>, here: &Linear, listed: &[Scored]) -> Vec<Model> {
     let without = here.cost() + believed(&here.model);
-    let penalty = (once.count(Part::Fit).max(1) as f64).ln();
-    let one = |scored: &Scored| {
-        let begin = |start: &Model| fit(once, start, Effort::Coarse(ITERATIONS_OF_STARTS), Some(here));
-        let [first, second] = scored.starts.each_ref().map(begin);
-        let better = if second.total < first.total { second } else { first };
-        let rest = Effort::Coarse(ITERATIONS[1] - ITERATIONS_OF_STARTS);
-        let fitted = fit(once, &better.model, rest, Some(here));
-        let scale = scale(fitted.cost, once.count(Part::Fit));
-        let fall = (without - fitted.total) / scale - scored.entry().parameters.len() as f64 * penalty;
-        (fitted.model, fall)
+    let rows = once.count(Part::Fit);
+    let explained = |fitted: &Fitted| {
+        let parameters = fitted.model.coordinate_count() - here.model.coordinate_count();
+        (without - fitted.total) / scale(fitted.cost, rows) - parameters as f64 * (rows.max(1) as f64).ln()
     };
-    let mut fitted: Vec<(Model, f64)> = listed.par_iter().take(FITTED).map(one).collect();
-    fitted.sort_by(|a, b| b.1.total_cmp(&a.1));
-    let best = fitted.first().map_or(0.0, |(_, fall)| *fall);
-    fitted.retain(|(_, fall)| *fall > 0.0 && *fall >= FINALISTS.1 * best);
-    fitted.into_iter().take(FINALISTS.0).map(|(model, _)| model).collect()
+    let best_of = |mut all: Vec<Fitted>, share: f64| {
+        all.sort_by(|a, b| explained(b).total_cmp(&explained(a)));
+        let least = all.first().map_or(0.0, |best| share * explained(best).max(0.0));
+        all.retain(|one| explained(one) > least);
+        all
+    };
+    let begun = |scored: &Scored| {
+        let [first, second] =
+            scored.starts.each_ref().map(|start| fit(once, start, Effort::Coarse(FEW), Some(here)));
+        if second.total < first.total { second } else { first }
+    };
+    let ended = |begun: Fitted| fit(once, &begun.model, Effort::Coarse(ITERATIONS[1] - FEW), Some(here));
+    let begun: Vec<Fitted> = listed.par_iter().take(FITTED).map(begun).collect();
+    let ended: Vec<Fitted> = best_of(begun, SHARES[0]).into_par_iter().map(ended).collect();
+    best_of(ended, SHARES[1]).into_iter().take(FINALISTS).map(|fitted| fitted.model).collect()
 }
 
 /// Models with an effect more, fitted to all rows and put to every gate but the last.

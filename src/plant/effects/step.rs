@@ -71,7 +71,7 @@ impl Stepping for Bare {
             return stands_on;
         }
         let end = Self::slid(body, &maps.slip, command_n);
-        let slides_on = end[2] * body.slide > 0.0;
+        let slides_on = body.law.has_fallen_at(end[2] * body.slide);
         if slides_on {
             body.motion = end;
         }
@@ -227,8 +227,10 @@ impl Stepping for Acting {
                 });
             let breakaway_n = |at: &Instant| self.friction_n(body.law.breakaway().as_n(), at);
             holds(breakaway_n(&start.1).min(breakaway_n(&end.1)), start.0, end.0)
-        } else {
+        } else if self.bristles.is_some() {
             end[2] * body.slide > 0.0
+        } else {
+            body.law.has_fallen_at(end[2] * body.slide)
         };
         if goes_on {
             (body.motion, body.remembered) = (end, remembered);
