@@ -139,7 +139,7 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
     let rows = [Part::Fit, Part::Held].map(|part| problem.count(part));
     progress("fitting the base model");
     let once = problem.first_passes();
-    let coarse = fit(problem, start, Effort::Coarse(ITERATIONS[0]), None);
+    let coarse = coarsely(problem, &once, start);
     let (mut model, mut blocks) = (coarse.clone(), Blocks::new(problem, &coarse.model));
     // The base at its bottom, which is known where a name was put to the test.
     let mut base: Option<Fitted> = None;
@@ -175,7 +175,7 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
         effects.push(NamedEffect { name: best.name(), class, runner_up });
         // On its way to the effect the base may have left a valley in which the fit without it was held up: what is
         // gained is what is lost again without it, from here.
-        let test = Without::of(problem, &model, effects.len() - 1);
+        let test = Without::of(problem, &once, &model, effects.len() - 1, start);
         if effects.len() == 1 {
             base = Some(test.fitted.clone());
         }
@@ -191,7 +191,7 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
     // Backwards: what came first may have stood for what came later.
     let mut place = 0;
     while effects.len() > 1 && place + 1 < effects.len() {
-        let test = Without::of(problem, &model, place);
+        let test = Without::of(problem, &once, &model, place, start);
         if test.shows_need(&model, &blocks, place, rows) {
             place += 1;
         } else {
@@ -222,8 +222,8 @@ struct Without {
 }
 
 impl Without {
-    fn of(problem: &Problem<'_>, model: &Fitted, place: usize) -> Self {
-        let fitted = fit(problem, &model.model.without(place), Effort::Fine, None);
+    fn of(problem: &Problem<'_>, once: &Problem<'_>, model: &Fitted, place: usize, start: &Model) -> Self {
+        let fitted = refitted(problem, once, &model.model.without(place), start);
         Self { blocks: Blocks::new(problem, &fitted.model), fitted }
     }
 
@@ -237,13 +237,30 @@ impl Without {
     }
 }
 
-/// A model with what was named, fitted anew. The base that was fitted without it may have taken its place, in a valley
-/// of its own, so it also begins from the base of the file.
-fn refitted(problem: &Problem<'_>, once: &Problem<'_>, named: &Model, start: &Model) -> Fitted {
-    let of_file = Model { base: start.base, ..named.clone() };
-    let other = fit(once, &of_file, Effort::Coarse(ITERATIONS[0]), None).model;
+/// A model fitted to the bottom. The base that was fitted otherwise may stand in a valley of its own, so it also begins
+/// from the base of the file.
+fn refitted(problem: &Problem<'_>, once: &Problem<'_>, model: &Model, start: &Model) -> Fitted {
+    let of_file = Model { base: start.base, ..model.clone() };
+    let (one, other) = rayon::join(
+        || fit(once, model, Effort::Coarse(ITERATIONS[0]), None).model,
+        || fit(once, &of_file, Effort::Coarse(ITERATIONS[0]), None).model,
+    );
+    fit(problem, better(problem, &one, &other), Effort::Fine, None)
+}
+
+/// The base fitted coarsely, from the file and from where sums of rows lead.
+fn coarsely(problem: &Problem<'_>, once: &Problem<'_>, start: &Model) -> Fitted {
+    let effort = Effort::Coarse(ITERATIONS[0]);
+    let (one, other) = rayon::join(
+        || fit(once, start, effort, None).model,
+        || fit(once, &fit(&once.smooth(), start, effort, None).model, effort, None).model,
+    );
+    fit(problem, better(problem, &one, &other), effort, None)
+}
+
+fn better<'a>(problem: &Problem<'_>, one: &'a Model, other: &'a Model) -> &'a Model {
     let total = |model: &Model| cost_of(problem, model, Part::Fit) + believed(model);
-    fit(problem, if total(&other) < total(named) { &other } else { named }, Effort::Fine, None)
+    if total(other) < total(one) { other } else { one }
 }
 
 /// What is left per row.

@@ -1,77 +1,102 @@
-//! Frequencies at which what is left of the current has its peaks: in time, in Hz, and along the screw, per turn.
+//! Frequencies at which what is left of the signals has its peaks: in time, in Hz, and along the screw, per turn.
 //!
-//! Along the screw the rows are summed up by where the motor was, whichever way it went; so what depends on the angle
-//! alone is summed and the rest is not. Both spectra go through the Fourier transform of evenly spaced sums, filled up
-//! with zeros, so that a peak is found between the lines as well.
+//! Looked at are whitened signals, so that a peak stands above noise and not above what is large. Along the screw the rows
+//! are summed up by where the motor was, whichever way it went; so what depends on the angle alone is summed and the
+//! rest is not. Both spectra go through the Fourier transform of evenly spaced sums, filled up with zeros, so that a peak
+//! is found between the lines as well.
 //! Invariant: a peak is far above its neighbourhood, or it is none.
 
 use nalgebra::Complex;
+use rayon::prelude::*;
 use rustfft::FftPlanner;
 
 use super::forward::Signals;
 use super::model::Model;
-use super::problem::{Part, Problem, SIGNALS};
+use super::problem::{Part, Problem};
 
 /// Peaks that are tried.
-const PEAKS: usize = 3;
+const PEAKS: usize = 4;
 /// Least ratio of a peak to the median of the lines about it.
-const ABOVE: f64 = 12.0;
-/// Lines on either side that are its neighbourhood, as a share of its frequency, and at least so many.
-const ABOUT: (f64, usize) = (0.3, 40);
+const ABOVE: f64 = 8.0;
+/// Lines on either side that are its neighbourhood, as a share of its frequency, and at least and at most so many.
+const ABOUT: (f64, [usize; 2]) = (0.3, [40, 300]);
+/// Nearer peaks, as a share of their frequency, are one.
+const SAME: f64 = 0.02;
 /// Frequencies that are looked at, Hz and per turn.
 const HZ: [f64; 2] = [2.0, 400.0];
-const PER_TURN: [f64; 2] = [0.6, 60.0];
+const PER_TURN: [f64; 2] = [0.3, 1_500.0];
 /// Sums per turn.
-const BINS_PER_TURN: f64 = 256.0;
+const BINS_PER_TURN: f64 = 4_096.0;
 
-/// What a model leaves of the current of all runs, in time and along the screw, looked through once.
+/// What a model leaves of all runs, in time and along the screw, looked through once.
 #[derive(Debug)]
 pub struct Peaks {
     hz: Vec<f64>,
     per_turn: Vec<f64>,
+    lead_m: f64,
 }
 
 impl Peaks {
     /// Of a model.
     pub fn new(problem: &Problem<'_>, model: &Model) -> Self {
         let lead_m = model.nominal.mechanics.lead_m;
-        let (mut in_time, mut by_place) = (Vec::new(), Vec::new());
-        for place in problem.places(Part::Fit) {
-            let data = &problem.data[place];
+        let of_run = |place: usize| {
             let simulated = problem.simulated(place, model);
-            let left = problem.left(place, &simulated, SIGNALS[2].2, Part::Fit);
-            let kept: Vec<f64> = left
-                .iter()
-                .zip(&data.fit)
-                .map(|(value, counts)| if *counts { *value } else { 0.0 })
-                .collect();
-            by_place.push(by_bins(&kept, &positions(&simulated, data.course.setpoints_m()), lead_m));
-            in_time.push(kept);
-        }
+            let left = problem.whitened(place, &simulated, Part::Fit);
+            let positions = positions(&simulated, problem.data[place].course.setpoints_m());
+            let by_place: Vec<_> = left.iter().map(|signal| by_bins(signal, &positions, lead_m)).collect();
+            (left, by_place)
+        };
+        let runs: Vec<_> = problem.places(Part::Fit).into_par_iter().map(of_run).collect();
         let period_s = problem.machine.cycle.period.as_s();
-        Self { hz: peaks(in_time, 1.0 / period_s, HZ), per_turn: peaks(by_place, BINS_PER_TURN, PER_TURN) }
+        let signals = problem.noises.iter().flatten().count();
+        let of = |per_unit: f64, range: [f64; 2], is_in_time: bool| {
+            let of_signal = |signal: usize| {
+                let sums = runs.iter().map(|(in_time, by_place)| {
+                    let all = if is_in_time { in_time } else { by_place };
+                    all[signal].as_slice()
+                });
+                peaks(&sums.collect::<Vec<_>>(), per_unit, range)
+            };
+            most_plain((0..signals).flat_map(of_signal).collect())
+        };
+        Self { hz: of(1.0 / period_s, HZ, true), per_turn: of(BINS_PER_TURN, PER_TURN, false), lead_m }
     }
 
-    /// Values of a parameter that they suggest, by the unit in its key; nothing for other keys.
+    /// Values of a parameter that they suggest, by the unit in its key, with those that are usual along a screw; nothing
+    /// for other keys.
     pub fn of(&self, key: &str) -> Vec<f64> {
-        if key.ends_with("-hz") {
-            self.hz.clone()
-        } else if key.ends_with("-per-turn") {
-            self.per_turn.clone()
-        } else {
-            Vec::new()
+        let turns = |scale: f64| self.per_turn.iter().map(move |per_turn| scale * self.lead_m / per_turn);
+        match key {
+            "frequency-hz" => self.hz.clone(),
+            "periods-per-turn" => self.per_turn.iter().copied().chain([1.0, 2.0]).collect(),
+            "period-mm" => turns(1e3).chain([1.0, 0.5, 6.0].map(|share| 1e3 * share * self.lead_m)).collect(),
+            "period-um" => turns(1e6).collect(),
+            _ => Vec::new(),
         }
     }
 }
 
-/// Peaks of the power of all, each of so many values per unit.
-fn peaks(sums: Vec<Vec<f64>>, per_unit: f64, range: [f64; 2]) -> Vec<f64> {
-    let Some(longest) = sums.iter().map(Vec::len).max() else { return Vec::new() };
+/// The peaks that stand out most, each once.
+fn most_plain(mut peaks: Vec<(f64, f64)>) -> Vec<f64> {
+    peaks.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let mut plain: Vec<f64> = Vec::new();
+    for (frequency, _) in peaks {
+        if plain.len() < PEAKS && plain.iter().all(|other| (frequency / other - 1.0).abs() > SAME) {
+            plain.push(frequency);
+        }
+    }
+    plain
+}
+
+/// Peaks of the power of all, each of so many values per unit, and by how much they stand out.
+fn peaks(sums: &[&[f64]], per_unit: f64, range: [f64; 2]) -> Vec<(f64, f64)> {
+    let Some(longest) = sums.iter().map(|sums| sums.len()).max() else { return Vec::new() };
     let length = (2 * longest).next_power_of_two();
     let transform = FftPlanner::new().plan_fft_forward(length);
     let mut power = vec![0.0; length / 2];
     for values in sums {
-        let mut lines: Vec<Complex<f64>> = values.into_iter().map(|value| Complex::new(value, 0.0)).collect();
+        let mut lines: Vec<Complex<f64>> = values.iter().map(|value| Complex::new(*value, 0.0)).collect();
         lines.resize(length, Complex::new(0.0, 0.0));
         transform.process(&mut lines);
         for (power, line) in power.iter_mut().zip(&lines) {
@@ -81,22 +106,21 @@ fn peaks(sums: Vec<Vec<f64>>, per_unit: f64, range: [f64; 2]) -> Vec<f64> {
     tops(&power, per_unit / length as f64, range)
 }
 
-fn tops(power: &[f64], step: f64, range: [f64; 2]) -> Vec<f64> {
+fn tops(power: &[f64], step: f64, range: [f64; 2]) -> Vec<(f64, f64)> {
     let last = power.len() - 2;
     let [low, high] = range.map(|frequency| ((frequency / step) as usize).clamp(1, last));
-    let mut tops: Vec<(usize, f64)> = (low..=high)
+    (low..=high)
         .filter(|line| power[*line] > power[line - 1] && power[*line] >= power[line + 1])
         .map(|line| {
-            let reach = ((ABOUT.0 * line as f64) as usize).max(ABOUT.1);
+            let reach = ((ABOUT.0 * line as f64) as usize).clamp(ABOUT.1[0], ABOUT.1[1]);
             let mut about = power[line.saturating_sub(reach)..(line + reach).min(power.len())].to_vec();
             let middle = about.len() / 2;
             let median = *about.select_nth_unstable_by(middle, f64::total_cmp).1;
             (line, power[line] / median.max(f64::MIN_POSITIVE))
         })
         .filter(|(_, ratio)| *ratio > ABOVE)
-        .collect();
-    tops.sort_by(|a, b| power[b.0].total_cmp(&power[a.0]));
-    tops.into_iter().take(PEAKS).map(|(line, _)| line as f64 * step).collect()
+        .map(|(line, ratio)| (line as f64 * step, ratio))
+        .collect()
 }
 
 /// Sums of the rows by where they were.

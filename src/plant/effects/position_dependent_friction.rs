@@ -10,7 +10,7 @@ pub(super) const ENTRY: Entry = Entry {
     name: "position-dependent-friction",
     summary: "friction that changes along the travel",
     equation: "F(v) (1 + a x)",
-    parameters: &[Parameter::new("slope-percent-per-m", "%/m", [-500.0, 500.0], 50.0, 50.0)],
+    parameters: &[Parameter::new("slope-percent-per-m", "%/m", [-3_000.0, 3_000.0], 50.0, 50.0)],
     coordinate: Coordinate::Position,
     experiment: Experiment::Sweep,
     aliases: &[],

@@ -16,7 +16,7 @@ pub(super) const ENTRY: Entry = Entry {
     name: "position-dependent-stiffness",
     summary: "a screw that gets softer along the travel",
     equation: "F_screw = K d / (1 + b x) + C d'",
-    parameters: &[Parameter::new("slope-percent-per-m", "%/m", [-500.0, 500.0], 100.0, 100.0)],
+    parameters: &[Parameter::new("slope-percent-per-m", "%/m", [-3_000.0, 3_000.0], 100.0, 100.0)],
     coordinate: Coordinate::Position,
     experiment: Experiment::Accelerations,
     aliases: &[],
