@@ -232,23 +232,14 @@ pub fn problem_of<'m>(
         if has { floor::noise(repeats, runs, &measured, pick, least[signal]) } else { None }
     });
     let mut data = data(machine, runs, repeats, id, &measured, phases);
-    let speeds: Vec<Vec<f64>> = runs.iter().map(|run| speeds(run, id)).collect();
     for (signal, noise) in noises.iter().enumerate() {
         let Some(noise) = noise else { continue };
-        let loudness = floor::loudness(repeats, runs, &measured, &speeds, SIGNALS[signal].2, noise);
+        let loudness = floor::loudness(repeats, runs, &measured, SIGNALS[signal].2, noise);
         for data in &mut data {
             data.loudness[signal].clone_from(&loudness[data.run]);
         }
     }
     Problem::new(machine, id, gain_set, data, noises)
-}
-
-/// Of an axis in a run, as it was asked for, m/s, row by row; nothing where it takes no part.
-fn speeds(run: &Run, id: AxisId) -> Vec<f64> {
-    let Some(axis) = run.axes.get(&id) else { return Vec::new() };
-    let at = &axis.setpoint_m;
-    let of = |row: usize| (at[row] - at[row.saturating_sub(1)]).abs() / run.period_s;
-    (0..at.len()).map(of).collect()
 }
 
 /// How well the loops explain the current, and in which row of each run the position loop acts first.

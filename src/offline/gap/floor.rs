@@ -103,19 +103,24 @@ pub fn noise(
 /// How many times louder than the quiet rows each row of a run is; at least 1.
 pub type Loudness = Vec<f64>;
 
-/// Loudness of each run, from its passes. Where there is none it goes with the speed as in those that have some: an
-/// encoder that is latched too early or too late is off by as much more as it goes faster. `speeds` are those of the axis in
-/// each run.
+/// Loudness of each run, from its passes. Where there is none a row is as loud as rows of passes that are as rough: an axis
+/// that is shaken at speed shows so in its second differences.
 pub fn loudness(
     repeats: &[Repeat],
     runs: &[Run],
     measured: &[Option<Signals>],
-    speeds: &[Vec<f64>],
     pick: Pick,
     noise: &Noise,
 ) -> Vec<Loudness> {
     let mut squares: Vec<Vec<[f64; 2]>> = runs.iter().map(|run| vec![[0.0; 2]; run.len()]).collect();
-    // Mean square of the speed of a block, and what its power is more than that of quiet rows.
+    let rough: Vec<Vec<f64>> = measured
+        .iter()
+        .zip(runs)
+        .map(|(signals, run)| {
+            signals.as_ref().map_or_else(Vec::new, |all| roughness(pick(all), run.period_s))
+        })
+        .collect();
+    // How rough a block is, and its power.
     let mut louder: Vec<[f64; 2]> = Vec::new();
     for repeat in repeats {
         let [Some(earlier), Some(later)] = repeat.runs.map(|run| measured[run].as_ref().map(pick)) else {
@@ -127,10 +132,9 @@ pub fn loudness(
         let white = noise.whitened(&differences(repeat, runs, earlier, later));
         let length = ((BLOCK_S / runs[repeat.runs[0]].period_s) as usize).max(1);
         for (number, block) in white.chunks(length).enumerate() {
-            let power = mean_square(block);
+            let power = block.iter().map(|value| value * value).sum::<f64>() / block.len() as f64;
             let from = repeat.rows[0] + number * length;
-            let speeds = &speeds[repeat.runs[0]][from..];
-            louder.push([mean_square(&speeds[..block.len().min(speeds.len())]), power - 1.0]);
+            louder.push([mean(rough[repeat.runs[0]].iter().skip(from).take(block.len())), power]);
             for (run, shift) in repeat.runs.into_iter().zip([0, repeat.shift.round() as usize]) {
                 for sum in squares[run].iter_mut().skip(from + shift).take(length) {
                     *sum = [sum[0] + power, sum[1] + 1.0];
@@ -138,27 +142,47 @@ pub fn loudness(
             }
         }
     }
-    let per_speed2 = per_speed2(louder);
-    let of = |(run, speeds): (Vec<[f64; 2]>, &Vec<f64>)| {
-        let loud = |([sum, count], speed): ([f64; 2], &f64)| {
-            let power = if count > 0.0 { sum / count } else { 1.0 + per_speed2 * speed * speed };
+    let per_roughness = per_roughness(louder);
+    let of = |(run, rough): (Vec<[f64; 2]>, &Vec<f64>)| {
+        let loud = |([sum, count], rough): ([f64; 2], &f64)| {
+            let power = if count > 0.0 { sum / count } else { 1.0 + per_roughness * rough };
             power.max(1.0).sqrt()
         };
-        run.into_iter().zip(speeds).map(loud).collect()
+        run.into_iter().zip(rough).map(loud).collect()
     };
-    squares.into_iter().zip(speeds).map(of).collect()
+    squares.into_iter().zip(&rough).map(of).collect()
 }
 
-fn mean_square(values: &[f64]) -> f64 {
-    values.iter().map(|value| value * value).sum::<f64>() / values.len().max(1) as f64
+/// Mean square of the second differences about each row: of most rows, so that single jumps are none of it.
+fn roughness(signal: &[f64], period_s: f64) -> Vec<f64> {
+    let length = ((BLOCK_S / period_s) as usize).max(3);
+    let of = |block: &[f64]| {
+        let mut squares: Vec<f64> =
+            block.windows(3).map(|rows| (rows[0] - 2.0 * rows[1] + rows[2]).powi(2)).collect();
+        let middle = squares.len() / 2;
+        let median = if squares.is_empty() {
+            0.0
+        } else {
+            // The median of a squared normal is 0.455.
+            *squares.select_nth_unstable_by(middle, f64::total_cmp).1 / 0.455
+        };
+        std::iter::repeat_n(median, block.len())
+    };
+    signal.chunks(length).flat_map(of).collect()
 }
 
-/// By how much power grows with the square of the speed, from blocks of both: the median over the faster half of them.
-fn per_speed2(mut blocks: Vec<[f64; 2]>) -> f64 {
+fn mean<'v>(values: impl ExactSizeIterator<Item = &'v f64>) -> f64 {
+    let count = values.len().max(1) as f64;
+    values.sum::<f64>() / count
+}
+
+/// By how much the power of whitened noise grows with how rough rows are, from blocks of both: the median over the rougher
+/// half of them.
+fn per_roughness(mut blocks: Vec<[f64; 2]>) -> f64 {
     blocks.sort_by(|a, b| b[0].total_cmp(&a[0]));
     blocks.truncate(blocks.len().div_ceil(2));
     let mut slopes: Vec<f64> =
-        blocks.iter().filter(|[speed2, _]| *speed2 > 0.0).map(|[speed2, power]| power / speed2).collect();
+        blocks.iter().filter(|[rough, _]| *rough > 0.0).map(|[rough, power]| (power - 1.0) / rough).collect();
     slopes.sort_by(f64::total_cmp);
     slopes.get(slopes.len() / 2).map_or(0.0, |slope| slope.max(0.0))
 }
@@ -358,40 +382,42 @@ mod tests {
         let repeats = repeats(runs);
         let noise = noise(&repeats, runs, &measured, pick, 0.0).expect("noise");
         assert!((noise.left / 0.01 - 1.0).abs() < 0.35, "the quiet rows have 0.01 A, found {}", noise.left);
-        let speeds = vec![vec![0.02; run.len()]];
-        let loud = &loudness(&repeats, runs, &measured, &speeds, pick, &noise)[0];
+        let loud = &loudness(&repeats, runs, &measured, pick, &noise)[0];
         let [far, near] = [2_100 + 1_260, 2_100 + 400].map(|row| loud[row]);
         assert!((6.0..14.0).contains(&far) && near < 1.5, "{far} where it is ten times as loud, {near} else");
     }
 
     #[test]
-    fn where_nothing_repeats_it_is_as_loud_as_it_was_at_such_a_speed() {
-        // Laps whose noise is three times as loud as quiet rows at 20 mm/s, and a run of 60 mm/s without any.
+    fn where_nothing_repeats_it_is_as_loud_as_it_is_rough() {
+        // Laps of which every second stretch is three times as loud as the rest, and a run without any that is nine times as loud.
         let mut run = circle(0.01, 0.0);
         let mut random = Pcg64Mcg::seed_from_u64(12);
-        let fast: Vec<usize> = (0..run.len()).filter(|row| (row / 420) % 5 != 0).collect();
-        let axis = run.axes.get_mut(&AxisId::X).expect("it has one");
-        for row in &fast {
-            let drawn: f64 = StandardNormal.sample(&mut random);
-            axis.current_a[*row] += 0.01 * 8.0_f64.sqrt() * drawn;
-        }
+        let mut shaken = |column: &mut [f64], by_a: f64, is_loud: &dyn Fn(usize) -> bool| {
+            for (row, value) in column.iter_mut().enumerate().filter(|(row, _)| is_loud(*row)) {
+                let drawn: f64 = StandardNormal.sample(&mut random);
+                *value += if row > 0 { by_a * drawn } else { 0.0 };
+            }
+        };
         let mut other = run.clone();
         for axis in other.axes.values_mut() {
             axis.setpoint_m.iter_mut().enumerate().for_each(|(row, at)| *at = 3e-5 * row as f64);
         }
-        let mut speeds = vec![vec![0.0; run.len()], vec![0.06; run.len()]];
-        fast.iter().for_each(|row| speeds[0][*row] = 0.02);
+        let of = |run: &mut Run| run.axes.remove(&AxisId::X).expect("it has one");
+        let (mut laps, mut line) = (of(&mut run), of(&mut other));
+        shaken(&mut laps.current_a, 0.01 * 8.0_f64.sqrt(), &|row| (row as f64 / 2_100.4) % 1.0 > 0.5);
+        shaken(&mut line.current_a, 0.01 * 80.0_f64.sqrt(), &|_| true);
+        run.axes.insert(AxisId::X, laps);
+        other.axes.insert(AxisId::X, line);
         let runs = [run, other];
         let measured: Vec<Option<Signals>> =
             runs.iter().map(|run| Some(Signals::measured(&run.axes[&AxisId::X]))).collect();
         let pick: Pick = |signals| &signals.current_a;
         let repeats = repeats(&runs);
         assert!(repeats.iter().all(|repeat| repeat.runs == [0, 0]), "{repeats:?}");
-        let mut noise = noise(&repeats, &runs, &measured, pick, 0.0).expect("noise");
-        noise.left = 0.01;
-        let loud = loudness(&repeats, &runs, &measured, &speeds, pick, &noise);
-        // The square of it is 1 + 8 at 20 mm/s, so 1 + 72 at 60 mm/s.
-        assert!((loud[1][3_000] / 73.0_f64.sqrt() - 1.0).abs() < 0.2, "{}", loud[1][3_000]);
+        let noise = noise(&repeats, &runs, &measured, pick, 0.0).expect("noise");
+        let loud = loudness(&repeats, &runs, &measured, pick, &noise);
+        let quiet = 0.01 / noise.left;
+        assert!((loud[1][3_000] / (9.0 * quiet) - 1.0).abs() < 0.25, "{} of {quiet}", loud[1][3_000]);
     }
 
     #[test]
