@@ -286,7 +286,7 @@ impl Effect {
         let values = fitted.effect(place);
         Self {
             axis,
-            name: fitted.model.effects[place].entry.name,
+            name: fitted.model.effects[place].entry.effect(),
             parameters: values.iter().map(|(key, value, _)| (*key, *value)).collect(),
             interval: values.into_iter().map(|(key, _, interval)| (key, interval)).collect(),
             confidence,

@@ -27,8 +27,10 @@ const AT_REST_M_PER_S: f64 = 2e-5;
 /// Counts of encoders that resolve everything.
 const FINE_COUNTS_PER_REV: u32 = 1 << 30;
 const FINE_COUNTS_PER_MM: u32 = 100_000_000;
-/// The state at the start is the mean of so many rows.
+/// The state at the start is the mean of so many rows, of an axis at rest as long as its setpoint stays within that of
+/// the first row, m.
 const START_ROWS: usize = 16;
+const STILL_M: f64 = 1e-7;
 
 /// What is compared, row by row.
 #[derive(Clone, Debug, PartialEq)]
@@ -88,7 +90,9 @@ impl Course {
         let moved =
             (axis.position_m[first - 1] - axis.position_m[0]) / ((first - 1).max(1) as f64 * run.period_s);
         let is_at_rest = moved.abs() < AT_REST_M_PER_S && velocity[0].abs() < AT_REST_M_PER_S;
-        let mean_a = axis.current_a[..first].iter().sum::<f64>() / first as f64;
+        let is_still = |row: &usize| (axis.setpoint_m[*row] - axis.setpoint_m[0]).abs() <= STILL_M;
+        let held = if is_at_rest { (0..first).take_while(is_still).count() } else { first };
+        let mean_a = axis.current_a[..held].iter().sum::<f64>() / held as f64;
         let start = Start {
             position: Position::m(axis.position_m[0]),
             velocity: Velocity::m_per_s(if is_at_rest { 0.0 } else { moved }),

@@ -26,11 +26,10 @@ use super::spectrum::Peaks;
 use crate::plant::effects::{CATALOGUE, Experiment, entry};
 
 /// Candidates that are fitted together with the base to the first pass of each command. Those that explain this share of
-/// what the best of them explains stay: after a few iterations from the better of two starts, and in the end, of which so
-/// many at most are fitted to all rows.
+/// what the best of them explains stay after a few iterations from the better of two starts; in the end those of the
+/// second share are fitted to all rows, and the others where none of these passes.
 const FITTED: usize = 6;
-const SHARES: [f64; 2] = [0.3, 0.6];
-const FINALISTS: usize = 4;
+const SHARES: [f64; 2] = [0.1, 0.6];
 /// Most effects that are named of an axis.
 const EFFECTS_MAX: usize = 4;
 /// Iterations of coarse fits: of the base, and of a candidate with it, and those first few.
@@ -65,9 +64,9 @@ pub struct Candidate {
 }
 
 impl Candidate {
-    /// Name of the effect that it adds.
+    /// Name of the effect that it adds, whichever law of it.
     pub fn name(&self) -> &'static str {
-        self.fitted.model.effects.last().map_or("", |tried| tried.entry.name)
+        self.fitted.model.effects.last().map_or("", |tried| tried.entry.effect())
     }
 }
 
@@ -152,12 +151,22 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
         let listed = shortlist(&once, &here, &|key| peaks.of(key));
         progress("fitting what may be missing");
         let promising = screened(&once, &here, &listed);
-        let mut candidates = tried(problem, &model, &blocks, &promising, rows);
+        let mut candidates = Vec::new();
+        for promising in promising.iter().filter(|promising| !promising.is_empty()) {
+            candidates.extend(tried(problem, &model, &blocks, promising, rows));
+            if candidates.iter().any(|candidate: &Candidate| candidate.failed.is_empty()) {
+                break;
+            }
+        }
         candidates.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
         let (passed, failed): (Vec<Candidate>, Vec<Candidate>) =
             candidates.into_iter().partition(|candidate| candidate.failed.is_empty());
         refused = failed;
         let Some(best) = passed.first().cloned() else { break };
+        // Other laws of an effect that is named are no other names.
+        let passed =
+            passed.into_iter().enumerate().filter(|(rank, one)| *rank == 0 || one.name() != best.name());
+        let passed: Vec<Candidate> = passed.map(|(_, one)| one).collect();
         let margin = NEAR.0.max(NEAR.1 * best.evidence);
         let (class, rest): (Vec<Candidate>, Vec<Candidate>) = passed.into_iter().partition(|candidate| {
             candidate.evidence > best.evidence - margin || is_alias(best.name(), candidate.name())
@@ -276,29 +285,29 @@ fn is_alias(name: &str, other: &str) -> bool {
 }
 
 /// The most promising of a list, fitted to few rows beside the model that was fitted before, from the better of two
-/// starts; and of these those that explain most.
-fn screened(once: &Problem<'_>, here: &Linear, listed: &[Scored]) -> Vec<Model> {
+/// starts: those that explain most of it, and those that explain less.
+fn screened(once: &Problem<'_>, here: &Linear, listed: &[Scored]) -> [Vec<Model>; 2] {
     let without = here.cost() + believed(&here.model);
     let rows = once.count(Part::Fit);
     let explained = |fitted: &Fitted| {
         let parameters = fitted.model.coordinate_count() - here.model.coordinate_count();
         (without - fitted.total) / scale(fitted.cost, rows) - parameters as f64 * (rows.max(1) as f64).ln()
     };
-    let best_of = |mut all: Vec<Fitted>, share: f64| {
-        all.sort_by(|a, b| explained(b).total_cmp(&explained(a)));
-        let least = all.first().map_or(0.0, |best| share * explained(best).max(0.0));
-        all.retain(|one| explained(one) > least);
-        all
-    };
+    let best = |all: &[Fitted]| all.iter().map(explained).fold(0.0, f64::max);
     let begun = |scored: &Scored| {
         let [first, second] =
             scored.starts.each_ref().map(|start| fit(once, start, Effort::Coarse(FEW), Some(here)));
         if second.total < first.total { second } else { first }
     };
     let ended = |begun: Fitted| fit(once, &begun.model, Effort::Coarse(ITERATIONS[1] - FEW), Some(here));
-    let begun: Vec<Fitted> = listed.par_iter().take(FITTED).map(begun).collect();
-    let ended: Vec<Fitted> = best_of(begun, SHARES[0]).into_par_iter().map(ended).collect();
-    best_of(ended, SHARES[1]).into_iter().take(FINALISTS).map(|fitted| fitted.model).collect()
+    let mut begun: Vec<Fitted> = listed.par_iter().take(FITTED).map(begun).collect();
+    let least = SHARES[0] * best(&begun);
+    begun.retain(|one| explained(one) > least);
+    let mut ended: Vec<Fitted> = begun.into_par_iter().map(ended).collect();
+    ended.retain(|one| explained(one) > 0.0);
+    let least = SHARES[1] * best(&ended);
+    let (most, less): (Vec<Fitted>, Vec<Fitted>) = ended.into_iter().partition(|one| explained(one) >= least);
+    [most, less].map(|all| all.into_iter().map(|fitted| fitted.model).collect())
 }
 
 /// Models with an effect more, fitted to all rows and put to every gate but the last.
@@ -309,9 +318,6 @@ fn tried(
     promising: &[Model],
     rows: [usize; 2],
 ) -> Vec<Candidate> {
-    if promising.is_empty() {
-        return Vec::new();
-    }
     let here = linear(problem, &without.model);
     let without_held = blocks_without.cost();
     let one = |start: &Model| {

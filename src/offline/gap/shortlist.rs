@@ -82,13 +82,18 @@ fn phase_of(entry: &Entry) -> Option<usize> {
     entry.parameters.iter().position(|parameter| parameter.unit == "deg")
 }
 
-/// Every effect that is not in the model yet, with the best of its trials, the most promising first.
+/// Every effect that is not in the model yet, with the best trial of its laws, the most promising first.
 pub fn shortlist(problem: &Problem<'_>, here: &Linear, peaks: &dyn Fn(&str) -> Vec<f64>) -> Vec<Scored> {
     let model = &here.model;
-    let present = |entry: &Entry| model.effects.iter().any(|tried| tried.entry.name == entry.name);
+    let has = |name: &str| model.effects.iter().any(|tried| tried.entry.name == name);
+    // A further harmonic is one beside the first.
+    let is_further = |entry: &Entry| {
+        let first = entry.law_of.and_then(crate::plant::effects::entry);
+        first.is_some_and(|first| first.equation == entry.equation && !has(first.name))
+    };
     let trials: Vec<(&'static Entry, Values)> = CATALOGUE
         .iter()
-        .filter(|entry| !present(entry))
+        .filter(|entry| !has(entry.name) && !is_further(entry))
         .flat_map(|entry| seeds(entry, peaks).into_iter().map(move |values| (entry, values)))
         .collect();
     let equations = here.normal(usize::MAX, K).with_beliefs(model);
@@ -116,7 +121,7 @@ pub fn shortlist(problem: &Problem<'_>, here: &Linear, peaks: &dyn Fn(&str) -> V
     });
     let mut best: BTreeMap<&str, Scored> = BTreeMap::new();
     for scored in scored.collect::<Vec<_>>() {
-        let name = scored.entry().name;
+        let name = scored.entry().effect();
         if best.get(name).is_none_or(|other| other.gain < scored.gain) {
             best.insert(name, scored);
         }

@@ -28,12 +28,17 @@ const PER_TURN: [f64; 2] = [0.3, 1_500.0];
 /// Sums per turn.
 const BINS_PER_TURN: f64 = 4_096.0;
 
+/// Places that are tried along the way that the axis went.
+const PLACES: u32 = 7;
+
 /// What a model leaves of all runs, in time and along the screw, looked through once.
 #[derive(Debug)]
 pub struct Peaks {
     hz: Vec<f64>,
     per_turn: Vec<f64>,
     lead_m: f64,
+    /// Between which places the axis went, m.
+    span_m: [f64; 2],
 }
 
 impl Peaks {
@@ -60,20 +65,41 @@ impl Peaks {
             };
             most_plain((0..signals).flat_map(of_signal).collect())
         };
-        Self { hz: of(1.0 / period_s, HZ, true), per_turn: of(BINS_PER_TURN, PER_TURN, false), lead_m }
+        let places = problem.places(Part::Fit).into_iter();
+        let span_m = places
+            .flat_map(|place| problem.data[place].course.setpoints_m())
+            .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], at| [low.min(at), high.max(at)]);
+        Self {
+            hz: of(1.0 / period_s, HZ, true),
+            per_turn: of(BINS_PER_TURN, PER_TURN, false),
+            lead_m,
+            span_m,
+        }
     }
 
-    /// Values of a parameter that they suggest, by the unit in its key, with those that are usual along a screw; nothing
-    /// for other keys.
+    /// Values of a parameter that they suggest, with those that are usual along a screw and a way; nothing for other
+    /// keys.
     pub fn of(&self, key: &str) -> Vec<f64> {
         let turns = |scale: f64| self.per_turn.iter().map(move |per_turn| scale * self.lead_m / per_turn);
         match key {
             "frequency-hz" => self.hz.clone(),
             "periods-per-turn" => self.per_turn.iter().copied().chain([1.0, 2.0]).collect(),
-            "period-mm" => turns(1e3).chain([1.0, 0.5, 6.0].map(|share| 1e3 * share * self.lead_m)).collect(),
+            "period-mm" => turns(1e3)
+                .chain([1.0, 0.5, 6.0].map(|share| 1e3 * share * self.lead_m))
+                .chain([1.0, 0.67, 0.4].map(|share| 1e3 * share * (self.span_m[1] - self.span_m[0])))
+                .collect(),
+            "centre-mm" => (0..PLACES).map(|number| self.place_mm(number)).collect(),
             "period-um" => turns(1e6).collect(),
             _ => Vec::new(),
         }
+    }
+}
+
+impl Peaks {
+    /// A place in the middle of an even share of the way, mm.
+    fn place_mm(&self, number: u32) -> f64 {
+        let [low, high] = self.span_m;
+        1e3 * (low + (high - low) * (f64::from(number) + 0.5) / f64::from(PLACES))
     }
 }
 

@@ -14,6 +14,7 @@ pub(super) const ENTRY: Entry = Entry {
     coordinate: Coordinate::Frequency,
     experiment: Experiment::Excitation,
     aliases: &[],
+    law_of: None,
     action: Action::Parameter(|values, axis| {
         axis.actuator.dead_time = axis.actuator.dead_time + Span::s(1e-6 * values[0])
     }),

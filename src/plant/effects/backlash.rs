@@ -31,6 +31,7 @@ pub(super) const ENTRY: Entry = Entry {
     coordinate: Coordinate::WaySinceReversal,
     experiment: Experiment::SmallReversals,
     aliases: &[],
+    law_of: None,
     action: Action::Parameter(|values, axis| axis.mechanics.backlash_m += 1e-6 * values[0]),
 };
 

@@ -153,11 +153,21 @@ pub struct Entry {
     pub experiment: Experiment,
     /// Effects that no data of ours tell from it.
     pub aliases: &'static [&'static str],
+    /// The effect of which it is another law, and as which it is told.
+    pub law_of: Option<&'static str>,
     /// How it takes part.
     pub(in crate::plant) action: Action,
 }
 
 impl Entry {
+    /// As what it is told: laws of one effect are one.
+    pub const fn effect(&self) -> &'static str {
+        match self.law_of {
+            Some(effect) => effect,
+            None => self.name,
+        }
+    }
+
     /// Its usual values.
     pub fn nominal(&self) -> Values {
         let mut values = [0.0; VALUES_MAX];

@@ -13,5 +13,6 @@ pub(super) const ENTRY: Entry = Entry {
     coordinate: Coordinate::Acceleration,
     experiment: Experiment::Accelerations,
     aliases: &[],
+    law_of: None,
     action: Action::Control(|values, otherwise| otherwise.lag_s = 1e-3 * values[0]),
 };

@@ -15,6 +15,7 @@ pub(super) const ENTRY: Entry = Entry {
     coordinate: Coordinate::Direction,
     experiment: Experiment::Sweep,
     aliases: &["direction-asymmetry"],
+    law_of: None,
     action: Action::Force(|values, _| Box::new(Constant { force_n: values[0] })),
 };
 

@@ -20,6 +20,7 @@ pub(super) const ENTRY: Entry = Entry {
     coordinate: Coordinate::OtherAxis,
     experiment: Experiment::Circles,
     aliases: &[],
+    law_of: None,
     action: Action::NextAxis(|values, _| Box::new(Yield { m_per_n: 1e-9 * values[0] })),
 };
 

@@ -17,6 +17,7 @@ pub(super) const ENTRY: Entry = Entry {
     coordinate: Coordinate::Frequency,
     experiment: Experiment::Excitation,
     aliases: &[],
+    law_of: None,
     action: Action::Parameter(|values, axis| {
         axis.actuator.current_loop_hz = 1.0 / (TAU * (axis.actuator.lag_s() + 1e-6 * values[0]));
     }),

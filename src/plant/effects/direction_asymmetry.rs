@@ -15,6 +15,7 @@ pub(super) const ENTRY: Entry = Entry {
     coordinate: Coordinate::Direction,
     experiment: Experiment::Sweep,
     aliases: &["constant-force"],
+    law_of: None,
     action: Action::Friction(|values, _| Box::new(Sides { share: 1e-2 * values[0] })),
 };
 

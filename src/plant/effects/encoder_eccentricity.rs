@@ -24,6 +24,7 @@ pub(super) const ENTRY: Entry = Entry {
     coordinate: Coordinate::Angle,
     experiment: Experiment::Sweep,
     aliases: &["pitch-error"],
+    law_of: None,
     action: Action::MotorEncoder(|values, axis| {
         Box::new(Swing {
             amplitude_m: 1e-6 * values[0],

@@ -1,5 +1,5 @@
-//! Interpolation error of the motor encoder: sine and cosine of its signal are not alike, so that what it shows
-//! swings once in each period of the signal, or twice.
+//! Interpolation error of an encoder: sine and cosine of its signal are not alike, so that what it shows swings once in
+//! each period of the signal, or twice. Of the motor encoder it is in the loops, of the table scale in the log alone.
 //!
 //! ```text
 //!   x_shown = x_m + A sin(2π x_m / p + φ)
@@ -26,6 +26,7 @@ pub(super) const ENTRY: Entry = Entry {
     coordinate: Coordinate::SignalPeriod,
     experiment: Experiment::Sweep,
     aliases: &[],
+    law_of: None,
     action: Action::MotorEncoder(|values, _| {
         Box::new(Swing {
             amplitude_m: 1e-6 * values[0],
@@ -33,6 +34,26 @@ pub(super) const ENTRY: Entry = Entry {
             phase_rad: values[2].to_radians(),
         })
     }),
+};
+
+pub(super) const SCALE: Entry = Entry {
+    name: "encoder-interpolation-scale",
+    summary: "a table scale that shows a swing in each period of its signal",
+    equation: "x_shown = x_t + A sin(2π x_t / p + φ)",
+    parameters: &[
+        Parameter::new("amplitude-um", "um", [0.0, 10.0], 0.2, 0.2),
+        Parameter::new("period-um", "um", [0.5, 1_000.0], 20.0, 20.0),
+        Parameter::PHASE,
+    ],
+    law_of: Some("encoder-interpolation"),
+    action: Action::TableScale(|values, _| {
+        Box::new(Swing {
+            amplitude_m: 1e-6 * values[0],
+            rad_per_m: TAU / (1e-6 * values[1]),
+            phase_rad: values[2].to_radians(),
+        })
+    }),
+    ..ENTRY
 };
 
 /// An error that swings along the travel.

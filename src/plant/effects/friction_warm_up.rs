@@ -21,6 +21,7 @@ pub(super) const ENTRY: Entry = Entry {
     coordinate: Coordinate::Time,
     experiment: Experiment::Repetition,
     aliases: &[],
+    law_of: None,
     action: Action::Friction(|values, _| Box::new(WarmUp { drop: 1e-2 * values[0], per_s: 1.0 / values[1] })),
 };
 

@@ -18,6 +18,7 @@ pub(super) const ENTRY: Entry = Entry {
     coordinate: Coordinate::ScrewForce,
     experiment: Experiment::Accelerations,
     aliases: &[],
+    law_of: None,
     action: Action::Friction(|values, _| Box::new(Loaded { share: 1e-2 * values[0] })),
 };
 

@@ -4,7 +4,8 @@
 //!   T = ... + A sin(n θ + φ)
 //! ```
 //!
-//! `n` periods in a turn: pole pairs, slots, or their least common multiple. Valid for one harmonic.
+//! `n` periods in a turn: pole pairs, slots, or their least common multiple. A second harmonic has values of
+//! its own.
 //! Invariant: a function of the angle alone, so conservative.
 
 use std::f64::consts::TAU;
@@ -24,6 +25,7 @@ pub(super) const ENTRY: Entry = Entry {
     coordinate: Coordinate::Angle,
     experiment: Experiment::Sweep,
     aliases: &[],
+    law_of: None,
     action: Action::Force(|values, axis| {
         Box::new(Cogging {
             amplitude_n: values[0] * axis.mechanics.force_per_torque(),
@@ -31,6 +33,13 @@ pub(super) const ENTRY: Entry = Entry {
             phase_rad: values[2].to_radians(),
         })
     }),
+};
+
+pub(super) const HARMONIC: Entry = Entry {
+    name: "motor-cogging-harmonic",
+    summary: "another torque that swings with the angle of the motor",
+    law_of: Some("motor-cogging"),
+    ..ENTRY
 };
 
 #[derive(Debug)]

@@ -26,6 +26,7 @@ pub(super) const ENTRY: Entry = Entry {
     coordinate: Coordinate::Angle,
     experiment: Experiment::Sweep,
     aliases: &["encoder-eccentricity"],
+    law_of: None,
     action: Action::TableScale(|values, _| {
         Box::new(Swing {
             amplitude_m: 1e-6 * values[0],

@@ -1,7 +1,13 @@
-//! Position-dependent friction: guides that are tighter towards one end.
+//! Position-dependent friction: guides that are tighter towards one end, tight again and again, or at one place.
 //!
-//! Nominal where the axis stood at its start. Valid for a slope; a tight spot is none.
+//! ```text
+//!   F(v) (1 + a x)      F(v) (1 + a sin(2π x / p + φ))      F(v) (1 + a exp(-(x - c)² / 2 w²))
+//! ```
+//!
+//! The slope is nominal where the axis stood at its start.
 //! Invariant: the friction is never negative.
+
+use std::f64::consts::TAU;
 
 use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
 use super::hooks::{Action, Friction, Instant};
@@ -14,7 +20,45 @@ pub(super) const ENTRY: Entry = Entry {
     coordinate: Coordinate::Position,
     experiment: Experiment::Sweep,
     aliases: &[],
+    law_of: None,
     action: Action::Friction(|values, _| Box::new(Slope { share_per_m: 1e-2 * values[0] })),
+};
+
+pub(super) const WAVE: Entry = Entry {
+    name: "position-dependent-friction-wave",
+    summary: "friction that swings along the travel",
+    equation: "F(v) (1 + a sin(2π x / p + φ))",
+    parameters: &[
+        Parameter::new("wave-percent", "%", [0.0, 90.0], 5.0, 5.0),
+        Parameter::new("period-mm", "mm", [2.0, 2_000.0], 50.0, 50.0),
+        Parameter::PHASE,
+    ],
+    law_of: Some("position-dependent-friction"),
+    action: Action::Friction(|values, _| {
+        Box::new(Wave {
+            share: 1e-2 * values[0],
+            rad_per_m: TAU / (1e-3 * values[1]),
+            phase_rad: values[2].to_radians(),
+        })
+    }),
+    ..ENTRY
+};
+
+pub(super) const TIGHT_SPOT: Entry = Entry {
+    name: "position-dependent-friction-spot",
+    summary: "friction that is larger about one place",
+    equation: "F(v) (1 + a exp(-(x - c)² / 2 w²))",
+    parameters: &[
+        Parameter::new("spot-percent", "%", [-90.0, 500.0], 10.0, 10.0),
+        Parameter::new("centre-mm", "mm", [-10_000.0, 10_000.0], 0.0, 10.0),
+        Parameter::new("width-mm", "mm", [0.5, 500.0], 5.0, 5.0),
+    ],
+    law_of: Some("position-dependent-friction"),
+    action: Action::Friction(|values, _| {
+        let [percent, centre_mm, width_mm] = *values;
+        Box::new(Spot { share: 1e-2 * percent, centre_m: 1e-3 * centre_mm, width_m: 1e-3 * width_mm })
+    }),
+    ..ENTRY
 };
 
 #[derive(Debug)]
@@ -25,5 +69,32 @@ struct Slope {
 impl Friction for Slope {
     fn factor(&self, at: &Instant) -> f64 {
         (1.0 + self.share_per_m * at.table_m).max(0.0)
+    }
+}
+
+#[derive(Debug)]
+struct Wave {
+    share: f64,
+    rad_per_m: f64,
+    phase_rad: f64,
+}
+
+impl Friction for Wave {
+    fn factor(&self, at: &Instant) -> f64 {
+        1.0 + self.share * libm::sin(at.table_m * self.rad_per_m + self.phase_rad)
+    }
+}
+
+#[derive(Debug)]
+struct Spot {
+    share: f64,
+    centre_m: f64,
+    width_m: f64,
+}
+
+impl Friction for Spot {
+    fn factor(&self, at: &Instant) -> f64 {
+        let away = (at.table_m - self.centre_m) / self.width_m;
+        1.0 + self.share * libm::exp(-0.5 * away * away)
     }
 }

@@ -20,6 +20,7 @@ pub(super) const ENTRY: Entry = Entry {
     coordinate: Coordinate::Position,
     experiment: Experiment::Accelerations,
     aliases: &[],
+    law_of: None,
     action: Action::Force(|values, _| Box::new(Softening { share_per_m: 1e-2 * values[0] })),
 };
 

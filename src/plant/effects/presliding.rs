@@ -23,6 +23,7 @@ pub(super) const ENTRY: Entry = Entry {
     coordinate: Coordinate::WaySinceReversal,
     experiment: Experiment::SmallReversals,
     aliases: &[],
+    law_of: None,
     action: Action::Bristles(|values, axis| {
         let stiffness_n_per_m = axis.friction.sliding.as_n() / (1e-6 * values[0]);
         let frequency_hz = (stiffness_n_per_m / axis.mechanics.mass_kg).sqrt() / TAU;

@@ -14,6 +14,7 @@ pub(super) const ENTRY: Entry = Entry {
     coordinate: Coordinate::Velocity,
     experiment: Experiment::Sweep,
     aliases: &[],
+    law_of: None,
     action: Action::Friction(|values, _| Box::new(Drag { n_s2_per_m2: values[0] })),
 };
 

@@ -28,6 +28,7 @@ pub(super) const ENTRY: Entry = Entry {
     coordinate: Coordinate::Frequency,
     experiment: Experiment::Excitation,
     aliases: &[],
+    law_of: None,
     action: Action::Force(|values, axis| Box::new(Mode::new(values, axis))),
 };
 

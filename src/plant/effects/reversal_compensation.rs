@@ -18,6 +18,7 @@ pub(super) const ENTRY: Entry = Entry {
     coordinate: Coordinate::TimeSinceReversal,
     experiment: Experiment::Circles,
     aliases: &[],
+    law_of: None,
     action: Action::Control(|values, otherwise| {
         otherwise.pulse_a = values[0];
         otherwise.decay_s = 1e-3 * values[1];

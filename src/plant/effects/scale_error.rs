@@ -13,6 +13,7 @@ pub(super) const ENTRY: Entry = Entry {
     coordinate: Coordinate::Position,
     experiment: Experiment::Circles,
     aliases: &[],
+    law_of: None,
     action: Action::TableScale(|values, _| Box::new(Stretch { share: 1e-6 * values[0] })),
 };
 

@@ -28,6 +28,7 @@ pub(super) const ENTRY: Entry = Entry {
     coordinate: Coordinate::Angle,
     experiment: Experiment::Sweep,
     aliases: &[],
+    law_of: None,
     action: Action::Friction(ripple),
 };
 

@@ -16,6 +16,7 @@ pub(super) const ENTRY: Entry = Entry {
     coordinate: Coordinate::Velocity,
     experiment: Experiment::Circles,
     aliases: &[],
+    law_of: None,
     action: Action::Control(|values, otherwise| {
         otherwise.position_gain = 1.0 + 1e-2 * values[0];
         otherwise.velocity_gain = 1.0 + 1e-2 * values[1];

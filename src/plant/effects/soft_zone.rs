@@ -21,6 +21,7 @@ pub(super) const ENTRY: Entry = Entry {
     coordinate: Coordinate::ScrewForce,
     experiment: Experiment::SmallReversals,
     aliases: &[],
+    law_of: None,
     action: Action::Force(|values, _| {
         Box::new(SoftZone { softness: 1e-2 * values[0], half_m: 1e-6 * values[1] })
     }),

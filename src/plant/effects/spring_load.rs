@@ -16,6 +16,7 @@ pub(super) const ENTRY: Entry = Entry {
     coordinate: Coordinate::Position,
     experiment: Experiment::Sweep,
     aliases: &[],
+    law_of: None,
     action: Action::Force(|values, _| {
         Box::new(Spring { n_per_m: 1e3 * values[0], neutral_m: 1e-3 * values[1] })
     }),

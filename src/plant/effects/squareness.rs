@@ -19,6 +19,7 @@ pub(super) const ENTRY: Entry = Entry {
     coordinate: Coordinate::OtherAxis,
     experiment: Experiment::Circles,
     aliases: &[],
+    law_of: None,
     action: Action::NextAxis(|values, _| Box::new(Lean { share: 1e-6 * values[0] })),
 };
 

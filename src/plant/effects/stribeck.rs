@@ -22,6 +22,7 @@ pub(super) const ENTRY: Entry = Entry {
     coordinate: Coordinate::Velocity,
     experiment: Experiment::Sweep,
     aliases: &[],
+    law_of: None,
     action: Action::Friction(|values, _| Box::new(Fall { extra_n: values[0], s_per_m: 1e3 / values[1] })),
 };
 

@@ -21,6 +21,7 @@ pub(super) const ENTRY: Entry = Entry {
     coordinate: Coordinate::Time,
     experiment: Experiment::Repetition,
     aliases: &[],
+    law_of: None,
     action: Action::TableScale(|values, _| {
         Box::new(Growth { share: 1e-6 * values[0], per_s: 1.0 / values[1] })
     }),

@@ -20,6 +20,7 @@ pub(super) const ENTRY: Entry = Entry {
     coordinate: Coordinate::Time,
     experiment: Experiment::Circles,
     aliases: &[],
+    law_of: None,
     action: Action::Force(|values, axis| {
         Box::new(Disturbance {
             amplitude_n: values[0] * axis.mechanics.force_per_torque(),

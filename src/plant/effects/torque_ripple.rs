@@ -24,6 +24,7 @@ pub(super) const ENTRY: Entry = Entry {
     coordinate: Coordinate::Angle,
     experiment: Experiment::Accelerations,
     aliases: &[],
+    law_of: None,
     action: Action::Force(|values, axis| {
         Box::new(TorqueRipple {
             share: 1e-2 * values[0],

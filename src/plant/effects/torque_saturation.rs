@@ -18,6 +18,7 @@ pub(super) const ENTRY: Entry = Entry {
     coordinate: Coordinate::Current,
     experiment: Experiment::Accelerations,
     aliases: &[],
+    law_of: None,
     action: Action::Force(|values, axis| {
         let n_per_a = axis.actuator.torque_constant_nm_per_a * axis.mechanics.force_per_torque();
         Box::new(Saturation { per_n: 1e-2 * values[0] / n_per_a })

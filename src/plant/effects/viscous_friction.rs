@@ -13,5 +13,6 @@ pub(super) const ENTRY: Entry = Entry {
     coordinate: Coordinate::Velocity,
     experiment: Experiment::Sweep,
     aliases: &[],
+    law_of: None,
     action: Action::Parameter(|values, axis| axis.friction.viscous_n_s_per_m += 1e3 * values[0]),
 };
