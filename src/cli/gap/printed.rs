@@ -119,9 +119,9 @@ impl Printed {
                 gap.before.insert(key.clone(), signal.before);
                 gap.after.insert(key.clone(), signal.after);
                 gap.floor.insert(key, signal.floor);
-                let least = signal.floor.max(1e-9).powi(2);
-                before += (signal.before.powi(2) - signal.floor.powi(2)).max(0.0) / least;
-                after += (signal.after.powi(2) - signal.floor.powi(2)).max(0.0) / least;
+                let [more, left] = signal.excess();
+                before += more;
+                after += left;
             }
         }
         if before > 0.0 {

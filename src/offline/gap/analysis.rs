@@ -32,6 +32,10 @@ const OTHER_GAINS: f64 = 0.5;
 /// A gap that moves an axis by less is none that anybody would look for, um.
 pub const PRACTICAL_UM: f64 = 0.1;
 
+/// Where what is left without a name has the power of noise, names must close this share of it.
+const PLAIN: f64 = 1.0;
+const CLOSED: f64 = 0.75;
+
 /// Most effects of a class that still says something.
 const CLASS_MAX: usize = 3;
 
@@ -142,6 +146,12 @@ pub struct SignalGap {
 }
 
 impl SignalGap {
+    /// Before and after, how much more there is than noise, in units of its power.
+    pub fn excess(&self) -> [f64; 2] {
+        let floor2 = self.floor.max(1e-9).powi(2);
+        [self.before, self.after].map(|rms| (rms * rms / floor2 - 1.0).max(0.0))
+    }
+
     /// Which share of the excess over the noise is gone.
     pub fn closed_share(&self) -> f64 {
         let excess = self.before.powi(2) - self.floor.powi(2);
@@ -202,8 +212,12 @@ fn axis<'m>(
     let (controller, phases) = loops(machine, runs, id, gain_set, &axis_name)?;
     let problem = problem_of(machine, runs, repeats, id, gain_set, &phases);
     let start = Model::new(machine.axes[id].plant);
-    let named = name::name(&problem, &start, &say);
-    let gap = gaps(&problem, &start, &named);
+    let mut named = name::name(&problem, &start, &say);
+    let mut gap = gaps(&problem, &start, &named);
+    if explains_too_little(&gap) {
+        named.withdraw();
+        gap.iter_mut().for_each(|signal| signal.after = signal.before);
+    }
     let verdict = verdict(&named, &gap);
     let both = locate::both(&problem, &named.base.model, &named.model.model);
     let (located, runs_left) = (locate::located(&problem, &both), locate::runs_left(&problem, &both));
@@ -355,6 +369,12 @@ fn gaps(problem: &Problem<'_>, file: &Model, named: &Named) -> Vec<SignalGap> {
     problem.noises.iter().enumerate().filter_map(of).collect()
 }
 
+/// Whether what was named leaves much of what there is: then it is something else that looks like it from afar.
+fn explains_too_little(gap: &[SignalGap]) -> bool {
+    let [before, after] = [0, 1].map(|part| gap.iter().map(|signal| signal.excess()[part]).sum::<f64>());
+    before > PLAIN && after > (1.0 - CLOSED) * before
+}
+
 fn verdict(named: &Named, gap: &[SignalGap]) -> Verdict {
     let excess = |value: f64, floor: f64| (value * value - floor * floor).max(0.0).sqrt();
     let is_real = |of: fn(&SignalGap) -> f64| {
@@ -389,5 +409,30 @@ fn verdict(named: &Named, gap: &[SignalGap]) -> Verdict {
         Verdict::ParameterOnly
     } else {
         Verdict::NothingMissing
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn gap(before: f64, after: f64) -> SignalGap {
+        SignalGap { signal: "current", unit: "A", file: before, before, after, floor: 0.1 }
+    }
+
+    #[test]
+    fn names_that_leave_much_of_a_plain_gap_explain_too_little() {
+        // Power of noise is 0.01 A².
+        for (before, after, is_too_little) in [
+            (0.5, 0.3, true),
+            (0.5, 0.2, false),
+            // What is hardly more than noise tells nothing of what closes it.
+            (0.12, 0.12, false),
+            (0.1, 0.1, false),
+        ] {
+            assert_eq!(explains_too_little(&[gap(before, after)]), is_too_little, "{before} A, {after} A");
+        }
+        // Of all signals together.
+        assert!(!explains_too_little(&[gap(0.2, 0.2), gap(0.8, 0.1)]));
     }
 }

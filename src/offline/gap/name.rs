@@ -86,6 +86,8 @@ pub enum Gate {
     Bounds,
     /// Worse again without it, all else fitted from where it stands with it.
     Needed,
+    /// Little left of what there was.
+    Explains,
 }
 
 /// What an axis lacks.
@@ -105,6 +107,20 @@ pub struct Named {
     pub refused: Vec<Candidate>,
     /// Rows of both parts.
     pub rows: [usize; 2],
+}
+
+impl Named {
+    /// Takes back what was named: it passed every gate and explains too little all the same.
+    pub fn withdraw(&mut self) {
+        for effect in self.effects.drain(..) {
+            let best = effect.class.into_iter().next();
+            self.refused.extend(best.map(|(mut candidate, _)| {
+                candidate.failed.push(Gate::Explains);
+                candidate
+            }));
+        }
+        (self.model, self.held) = (self.base.clone(), self.base_held);
+    }
 }
 
 /// An effect that was named.
