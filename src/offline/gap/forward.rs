@@ -30,7 +30,7 @@ const FINE_COUNTS_PER_MM: u32 = 100_000_000;
 /// The state at the start is the mean of so many rows, of an axis at rest as long as its setpoint stays within that of
 /// the first row, m.
 const START_ROWS: usize = 16;
-const STILL_M: f64 = 1e-7;
+const STILL_M: f64 = 1e-9;
 
 /// What is compared, row by row.
 #[derive(Clone, Debug, PartialEq)]

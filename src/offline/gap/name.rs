@@ -23,7 +23,7 @@ use super::model::Model;
 use super::problem::{Part, Problem};
 use super::shortlist::{Scored, shortlist};
 use super::spectrum::Peaks;
-use crate::plant::effects::{CATALOGUE, Experiment, entry};
+use crate::plant::effects::{CATALOGUE, Experiment, Parameter, entry};
 
 /// Candidates that are fitted together with the base to the first pass of each command. Those that explain this share of
 /// what the best of them explains stay after a few iterations from the better of two starts; in the end those of the
@@ -44,6 +44,8 @@ const HELD_FALL: f64 = 25.0;
 const HELD_SHARE: f64 = 0.02;
 /// An amplitude must be so many of its standard deviations.
 const SURE: f64 = 4.0;
+/// A number that is as far from a whole one as its uncertainty allows, and within these, may be whole.
+const WHOLE: [f64; 2] = [0.04, 0.15];
 /// Candidates whose evidence is nearer than this, or than this share, cannot be told apart.
 const NEAR: (f64, f64) = (20.0, 0.02);
 /// How often blocks are drawn to see how sure a fall is, and in how many draws at most it may be none: one in a thousand,
@@ -84,6 +86,8 @@ pub enum Gate {
     Amplitude,
     /// Values that the data chose and not the bounds.
     Bounds,
+    /// Whole numbers where machines have no others.
+    Whole,
     /// Worse again without it, all else fitted from where it stands with it.
     Needed,
     /// Little left of what there was.
@@ -367,6 +371,15 @@ fn tried(
         }
         if fitted.model.is_at_bound(added) {
             failed.push(Gate::Bounds);
+        }
+        let is_whole = |(of, parameter): (usize, &Parameter)| {
+            let value = fitted.model.effects[added].values[of];
+            let sigma = fitted.covariance[(place + of, place + of)].sqrt() * parameter.prior;
+            let reach = (SURE * sigma).clamp(WHOLE[0], WHOLE[1]);
+            !parameter.is_whole || (value - value.round()).abs() <= reach
+        };
+        if !entry.parameters.iter().enumerate().all(is_whole) {
+            failed.push(Gate::Whole);
         }
         Candidate { evidence: fall + held_fall, fitted, held, failed }
     };

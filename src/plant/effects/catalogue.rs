@@ -31,6 +31,8 @@ pub struct Parameter {
     pub prior: f64,
     /// Whether the effect is there by this value alone, as it is by the first.
     pub is_amplitude: bool,
+    /// Whether a machine has whole numbers of it only.
+    pub is_whole: bool,
 }
 
 impl Parameter {
@@ -45,7 +47,13 @@ impl Parameter {
         nominal: f64,
         prior: f64,
     ) -> Self {
-        Self { key, unit, bounds, nominal, prior, is_amplitude: false }
+        Self { key, unit, bounds, nominal, prior, is_amplitude: false, is_whole: false }
+    }
+
+    /// The same of what comes in whole numbers only.
+    pub(super) const fn whole(mut self) -> Self {
+        self.is_whole = true;
+        self
     }
 
     /// The same as an amplitude beside the first.
