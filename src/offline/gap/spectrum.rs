@@ -12,7 +12,7 @@ use rustfft::FftPlanner;
 
 use super::forward::Signals;
 use super::model::Model;
-use super::problem::{Part, Problem};
+use super::problem::{AxisData, Part, Problem};
 
 /// Peaks that are tried.
 const PEAKS: usize = 4;
@@ -39,6 +39,8 @@ pub struct Peaks {
     lead_m: f64,
     /// Between which places the axis went, m.
     span_m: [f64; 2],
+    /// From the first row of all runs to the last, s.
+    session_s: f64,
 }
 
 impl Peaks {
@@ -69,7 +71,17 @@ impl Peaks {
         let span_m = places
             .flat_map(|place| problem.data[place].course.setpoints_m())
             .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], at| [low.min(at), high.max(at)]);
+        let begin_and_end = |data: &AxisData| {
+            let begins_s = data.course.begins().as_s();
+            [begins_s, begins_s + data.fit.len() as f64 * period_s]
+        };
+        let [begin_s, end_s] = problem
+            .data
+            .iter()
+            .map(begin_and_end)
+            .fold([f64::INFINITY, 0.0], |all, run| [all[0].min(run[0]), all[1].max(run[1])]);
         Self {
+            session_s: end_s - begin_s,
             hz: of(1.0 / period_s, HZ, true),
             per_turn: of(BINS_PER_TURN, PER_TURN, false),
             lead_m,
@@ -77,8 +89,8 @@ impl Peaks {
         }
     }
 
-    /// Values of a parameter that they suggest, with those that are usual along a screw and a way; nothing for other
-    /// keys.
+    /// Values of a parameter that they suggest, with those that are usual along a screw, a way and a session; nothing for
+    /// other keys.
     pub fn of(&self, key: &str) -> Vec<f64> {
         let turns = |scale: f64| self.per_turn.iter().map(move |per_turn| scale * self.lead_m / per_turn);
         match key {
@@ -88,6 +100,7 @@ impl Peaks {
                 .chain([1.0, 0.5, 6.0].map(|share| 1e3 * share * self.lead_m))
                 .chain([1.0, 0.67, 0.4].map(|share| 1e3 * share * (self.span_m[1] - self.span_m[0])))
                 .collect(),
+            "time-constant-s" => [0.15, 0.5, 1.5].map(|share| share * self.session_s).to_vec(),
             "centre-mm" => (0..PLACES).map(|number| self.place_mm(number)).collect(),
             "period-um" => turns(1e6).collect(),
             _ => Vec::new(),
