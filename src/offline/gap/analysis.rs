@@ -214,7 +214,7 @@ fn axis<'m>(
     let start = Model::new(machine.axes[id].plant);
     let mut named = name::name(&problem, &start, &say);
     let mut gap = gaps(&problem, &start, &named);
-    if explains_too_little(&gap) {
+    if costs_more_than_noise(&named) && explains_too_little(&gap) {
         named.withdraw();
         gap.iter_mut().for_each(|signal| signal.after = signal.before);
     }
@@ -369,6 +369,11 @@ fn gaps(problem: &Problem<'_>, file: &Model, named: &Named) -> Vec<SignalGap> {
     problem.noises.iter().enumerate().filter_map(of).collect()
 }
 
+/// Noise costs one per row: an rms also counts what is slow, which passes do not repeat.
+fn costs_more_than_noise(named: &Named) -> bool {
+    named.held > named.rows[1] as f64
+}
+
 /// Whether what was named leaves much of what there is: then it is something else that looks like it from afar.
 fn explains_too_little(gap: &[SignalGap]) -> bool {
     let [before, after] = [0, 1].map(|part| gap.iter().map(|signal| signal.excess()[part]).sum::<f64>());
@@ -398,8 +403,7 @@ fn verdict(named: &Named, gap: &[SignalGap]) -> Verdict {
             Verdict::Named
         };
     }
-    // Noise costs one per row: an rms also counts what is slow, which passes do not repeat.
-    if named.held > named.rows[1] as f64 && is_real(|signal| signal.after) {
+    if costs_more_than_noise(named) && is_real(|signal| signal.after) {
         return Verdict::Unknown;
     }
     let moved = |fitted: &Fitted| {

@@ -262,12 +262,14 @@ impl Model {
         model
     }
 
-    /// Effects that are at a bound other than zero: what is there is not what the data say.
+    /// Effects that are at a bound other than zero: what is there is not what the data say. At the end of an exponent a law
+    /// has its limit.
     pub fn is_at_bound(&self, place: usize) -> bool {
         let tried = &self.effects[place];
         tried.values.iter().zip(tried.entry.parameters).any(|(value, parameter)| {
             let [low, high] = parameter.bounds;
-            parameter.unit != "deg" && ((*value == low && low != 0.0) || *value == high)
+            let is_open = parameter.unit == "deg" || parameter.key == "exponent";
+            !is_open && ((*value == low && low != 0.0) || *value == high)
         })
     }
 }
