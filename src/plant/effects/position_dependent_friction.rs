@@ -4,7 +4,7 @@
 //!   F(v) (1 + a x)      F(v) (1 + a sin(2π x / p + φ))      F(v) (1 + a exp(-(x - c)² / 2 w²))
 //! ```
 //!
-//! The slope is nominal where the axis stood at its start.
+//! The slope is nominal where the axis stood at its start. What swings with the turn of the screw is its ripple.
 //! Invariant: the friction is never negative.
 
 use std::f64::consts::TAU;
@@ -30,7 +30,7 @@ pub(super) const WAVE: Entry = Entry {
     equation: "F(v) (1 + a sin(2π x / p + φ))",
     parameters: &[
         Parameter::new("wave-percent", "%", [0.0, 90.0], 5.0, 5.0),
-        Parameter::new("period-mm", "mm", [2.0, 2_000.0], 50.0, 50.0),
+        Parameter::new("period-mm", "mm", [12.0, 2_000.0], 50.0, 50.0),
         Parameter::PHASE,
     ],
     law_of: Some("position-dependent-friction"),
