@@ -7,12 +7,13 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use crate::config::Machine;
-use crate::offline::gap::analysis::{Analysis, AxisGap, SignalGap, Verdict};
+use crate::offline::gap::analysis::{Analysis, AxisGap};
 use crate::offline::gap::fit::Fitted;
 use crate::offline::gap::locate::unit;
 use crate::offline::gap::name::Gate;
 use crate::offline::gap::problem::SIGNALS;
 use crate::offline::gap::runs::Run;
+use crate::offline::gap::verdict::{SignalGap, Verdict};
 
 /// The answer as one object.
 #[derive(Debug, Serialize)]

@@ -10,11 +10,12 @@
 //! [`intake`] looks at data, and [`logged`] at logs, before they are believed as [`runs`]; [`floor`] finds the noise in
 //! [`repeats`]; [`forward`] runs the machine file from the command alone and [`controller`] its loops alone; [`fit`] fits a
 //! [`model`] in closed loop to a [`problem`], by its derivatives ([`linear`]); [`locate`] tells where the gap lives;
-//! [`shortlist`] and [`mod@name`] find the effects; [`write_back`] adds them to the machine file. [`demo`] is a machine
+//! [`shortlist`] and [`mod@name`] find the effects, [`verdict`] says it in a word; [`write_back`] adds them to the machine file. [`demo`] is a machine
 //! to show it on.
 //! Invariant: what is named was better on rows that no model had seen, and what cannot be told apart is named together.
 
 pub mod analysis;
+mod blocks;
 pub mod controller;
 pub mod demo;
 pub mod fit;
@@ -34,4 +35,5 @@ pub mod repeats;
 pub mod runs;
 pub mod shortlist;
 pub mod spectrum;
+pub mod verdict;
 pub mod write_back;

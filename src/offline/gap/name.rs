@@ -12,13 +12,12 @@
 //! that a model that is wrong elsewhere makes nothing significant.
 //! Invariant: an effect that is named has passed every gate; one that has failed one is listed with it.
 
-use rand::{RngExt, SeedableRng};
-use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
 use serde::Serialize;
 
+use super::blocks::Blocks;
 use super::fit::{Effort, Fitted, LEAST_PER_ROW, believed, fit};
-use super::linear::{BLOCK_S, Linear, Steps, cost_of, residuals, rho};
+use super::linear::{Linear, Steps, cost_of, residuals};
 use super::model::Model;
 use super::problem::{Part, Problem};
 use super::shortlist::{Scored, shortlist};
@@ -48,9 +47,6 @@ const SURE: f64 = 4.0;
 const WHOLE: [f64; 2] = [0.04, 0.15];
 /// Candidates whose evidence is nearer than this, or than this share, cannot be told apart.
 const NEAR: (f64, f64) = (20.0, 0.02);
-/// How often blocks are drawn to see how sure a fall is, and in how many draws at most it may be none: one in a thousand,
-/// for there are thirty candidates, and each may be the one that chance favours.
-const DRAWS: (usize, usize) = (4_000, 4);
 
 /// A candidate that was fitted.
 #[derive(Clone, Debug)]
@@ -188,8 +184,11 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
             passed.into_iter().enumerate().filter(|(rank, one)| *rank == 0 || one.name() != best.name());
         let passed: Vec<Candidate> = passed.map(|(_, one)| one).collect();
         let margin = NEAR.0.max(NEAR.1 * best.evidence);
+        // What says no more with more numbers is no other explanation.
+        let count = |candidate: &Candidate| candidate.fitted.model.coordinate_count();
         let (class, rest): (Vec<Candidate>, Vec<Candidate>) = passed.into_iter().partition(|candidate| {
-            candidate.evidence > best.evidence - margin || is_alias(best.name(), candidate.name())
+            let is_near = candidate.evidence > best.evidence - margin && count(candidate) <= count(&best);
+            is_near || is_alias(best.name(), candidate.name())
         });
         let runner_up =
             rest.first().or(refused.first()).map(|next| (next.name(), best.evidence - next.evidence));
@@ -384,67 +383,4 @@ fn tried(
         Candidate { evidence: fall + held_fall, fitted, held, failed }
     };
     promising.par_iter().map(one).collect()
-}
-
-/// Cost of the rows that were not fitted, block by block.
-#[derive(Clone, Debug)]
-struct Blocks(Vec<f64>);
-
-impl Blocks {
-    fn new(problem: &Problem<'_>, model: &Model) -> Self {
-        let length = (BLOCK_S / problem.machine.cycle.period.as_s()) as usize;
-        let mut blocks = Vec::new();
-        for residual in residuals(problem, model, Part::Held) {
-            let rows = residual.iter().map(Vec::len).max().unwrap_or(0);
-            for from in (0..rows).step_by(length) {
-                let of = |signal: &Vec<f64>| {
-                    signal.iter().skip(from).take(length).map(|value| rho(*value)).sum::<f64>()
-                };
-                blocks.push(residual.iter().map(of).sum());
-            }
-        }
-        Self(blocks)
-    }
-
-    fn cost(&self) -> f64 {
-        self.0.iter().sum()
-    }
-
-    /// Whether blocks drawn again are worse than others in all but [`DRAWS`].
-    fn is_surely_worse_than(&self, other: &Self) -> bool {
-        let falls: Vec<f64> = self.0.iter().zip(&other.0).map(|(a, b)| a - b).collect();
-        if falls.is_empty() {
-            return false;
-        }
-        let mut random = Pcg64Mcg::seed_from_u64(5);
-        let drawn = |_: &usize| {
-            (0..falls.len()).map(|_| falls[random.random_range(0..falls.len())]).sum::<f64>() <= 0.0
-        };
-        (0..DRAWS.0).filter(drawn).count() <= DRAWS.1
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use std::f64::consts::TAU;
-
-    use super::*;
-
-    /// Blocks that fall by so much on average, and by so much more or less.
-    fn falling(by: f64, scatter: f64) -> [Blocks; 2] {
-        let fall = |block: usize| by + scatter * (TAU * block as f64 * 0.37).sin();
-        let without: Vec<f64> = (0..60).map(|block| 400.0 + fall(block)).collect();
-        [Blocks(without), Blocks(vec![400.0; 60])]
-    }
-
-    #[test]
-    fn a_fall_that_few_blocks_make_is_not_sure() {
-        // The mean of 60 blocks scatters by 0.09 of this.
-        for (by, is_sure) in [(1.0, false), (2.0, false), (6.0, true)] {
-            let [without, with] = falling(by, 10.0);
-            assert_eq!(without.is_surely_worse_than(&with), is_sure, "{by}");
-        }
-        let [without, with] = falling(-1.0, 0.0);
-        assert!(!without.is_surely_worse_than(&with));
-    }
 }

@@ -1,0 +1,192 @@
+//! What is said of an axis in a word, and the gap in numbers, on rows that no model has seen.
+//!
+//! Units: those of the signals, in um and A.
+//! Invariant: a function of costs and gaps alone.
+
+use std::fmt;
+
+use serde::Serialize;
+
+use super::fit::Fitted;
+use super::floor::Noise;
+use super::model::{BASE, Model};
+use super::name::Named;
+use super::problem::{Part, Problem, SIGNALS};
+
+/// A gap that moves an axis by less is none that anybody would look for, um.
+pub const PRACTICAL_UM: f64 = 0.1;
+/// Where what is left without a name has the power of noise, names must close this share of it.
+const PLAIN: f64 = 1.0;
+const CLOSED: f64 = 0.75;
+/// Most effects of a class that still says something.
+const CLASS_MAX: usize = 3;
+
+/// The verdict on an axis, or on all.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Verdict {
+    /// Model and data agree.
+    NothingMissing,
+    /// They agree once the base parameters are right.
+    ParameterOnly,
+    /// The data do not excite what would tell.
+    Insufficient,
+    /// Something real is left that no effect of the catalogue explains.
+    Unknown,
+    /// One of several effects, which these data do not tell apart.
+    Class,
+    /// The effect has a name.
+    Named,
+}
+
+impl fmt::Display for Verdict {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        out.write_str(match self {
+            Self::NothingMissing => "nothing missing",
+            Self::ParameterOnly => "base parameters only",
+            Self::Insufficient => "runs that do not tell",
+            Self::Unknown => "something unknown is missing",
+            Self::Class => "one of several effects is missing",
+            Self::Named => "an effect is missing",
+        })
+    }
+}
+
+/// The gap of one signal on rows that no model has seen.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SignalGap {
+    /// Which signal.
+    pub signal: &'static str,
+    /// Unit of the rms values.
+    pub unit: &'static str,
+    /// With the machine file as it is.
+    pub file: f64,
+    /// With its base parameters fitted.
+    pub before: f64,
+    /// With the effects.
+    pub after: f64,
+    /// Noise.
+    pub floor: f64,
+}
+
+impl SignalGap {
+    /// Before and after, how much more there is than noise, in units of its power.
+    pub fn excess(&self) -> [f64; 2] {
+        let floor2 = self.floor.max(1e-9).powi(2);
+        [self.before, self.after].map(|rms| (rms * rms / floor2 - 1.0).max(0.0))
+    }
+
+    /// Which share of the excess over the noise is gone.
+    pub fn closed_share(&self) -> f64 {
+        let excess = self.before.powi(2) - self.floor.powi(2);
+        if excess <= 0.0 { 1.0 } else { 1.0 - (self.after.powi(2) - self.floor.powi(2)).max(0.0) / excess }
+    }
+}
+
+/// Rms of what models leave of the rows that were not fitted.
+pub(super) fn gaps(problem: &Problem<'_>, file: &Model, named: &Named) -> Vec<SignalGap> {
+    let rms = |model: &Model| -> [f64; SIGNALS.len()] {
+        let (mut sums, mut counts) = ([0.0; SIGNALS.len()], [0usize; SIGNALS.len()]);
+        for place in problem.places(Part::Held) {
+            let simulated = problem.simulated(place, model);
+            for (signal, (_, _, pick)) in SIGNALS.iter().enumerate() {
+                let left = problem.left(place, &simulated, *pick, Part::Held);
+                for (value, counts_here) in left.iter().zip(problem.data[place].rows(Part::Held)) {
+                    if *counts_here {
+                        sums[signal] += value * value;
+                        counts[signal] += 1;
+                    }
+                }
+            }
+        }
+        std::array::from_fn(|signal| (sums[signal] / counts[signal].max(1) as f64).sqrt())
+    };
+    let [file, before, after] = [file, &named.base.model, &named.model.model].map(rms);
+    let of = |(signal, noise): (usize, &Option<Noise>)| {
+        let noise = noise.as_ref()?;
+        let (name, unit, _) = SIGNALS[signal];
+        let (factor, unit) = if unit == "m" { (1e6, "um") } else { (1.0, unit) };
+        Some(SignalGap {
+            signal: name,
+            unit,
+            file: factor * file[signal],
+            before: factor * before[signal],
+            after: factor * after[signal],
+            floor: factor * noise.rms,
+        })
+    };
+    problem.noises.iter().enumerate().filter_map(of).collect()
+}
+
+/// Noise costs one per row: an rms also counts what is slow, which passes do not repeat.
+pub(super) fn costs_more_than_noise(named: &Named) -> bool {
+    named.held > named.rows[1] as f64
+}
+
+/// Whether what was named leaves much of what there is: then it is something else that looks like it from afar.
+pub(super) fn explains_too_little(gap: &[SignalGap]) -> bool {
+    let [before, after] = [0, 1].map(|part| gap.iter().map(|signal| signal.excess()[part]).sum::<f64>());
+    before > PLAIN && after > (1.0 - CLOSED) * before
+}
+
+/// What is to be said of an axis.
+pub(super) fn verdict(named: &Named, gap: &[SignalGap]) -> Verdict {
+    let excess = |value: f64, floor: f64| (value * value - floor * floor).max(0.0).sqrt();
+    let is_real = |of: fn(&SignalGap) -> f64| {
+        gap.iter().any(|signal| {
+            let rest = excess(of(signal), signal.floor);
+            if signal.unit == "um" {
+                rest > PRACTICAL_UM.max(0.5 * signal.floor)
+            } else {
+                rest > 0.5 * signal.floor.max(0.02)
+            }
+        })
+    };
+    // So many that no name says anything.
+    if named.effects.iter().any(|effect| effect.class.len() > CLASS_MAX) {
+        return Verdict::Insufficient;
+    }
+    if !named.effects.is_empty() {
+        return if named.effects.iter().any(|effect| effect.class.len() > 1) {
+            Verdict::Class
+        } else {
+            Verdict::Named
+        };
+    }
+    if costs_more_than_noise(named) && is_real(|signal| signal.after) {
+        return Verdict::Unknown;
+    }
+    let moved = |fitted: &Fitted| {
+        fitted.model.base.iter().zip(&BASE).any(|(coordinate, base)| (coordinate * base.prior).abs() > 0.03)
+    };
+    if is_real(|signal| signal.file) && moved(&named.base) {
+        Verdict::ParameterOnly
+    } else {
+        Verdict::NothingMissing
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn gap(before: f64, after: f64) -> SignalGap {
+        SignalGap { signal: "current", unit: "A", file: before, before, after, floor: 0.1 }
+    }
+
+    #[test]
+    fn names_that_leave_much_of_a_plain_gap_explain_too_little() {
+        // Power of noise is 0.01 A².
+        for (before, after, is_too_little) in [
+            (0.5, 0.3, true),
+            (0.5, 0.2, false),
+            // What is hardly more than noise tells nothing of what closes it.
+            (0.12, 0.12, false),
+            (0.1, 0.1, false),
+        ] {
+            assert_eq!(explains_too_little(&[gap(before, after)]), is_too_little, "{before} A, {after} A");
+        }
+        // Of all signals together.
+        assert!(!explains_too_little(&[gap(0.2, 0.2), gap(0.8, 0.1)]));
+    }
+}
