@@ -77,13 +77,10 @@ pub fn noise(
         lags = vec![0.0; ORDER + 1];
         rows = 0;
         for signal in measured.iter().flatten().map(pick).filter(|signal| signal.len() > 2) {
-            // White noise of variance s² has second differences of 6 s².
-            let mut squares: Vec<f64> =
-                signal.windows(3).map(|w| (w[0] - 2.0 * w[1] + w[2]).powi(2) / 6.0).collect();
-            squares.sort_by(f64::total_cmp);
-            // The lower part: motion that is not smooth is no noise. The median of a squared normal is 0.455.
-            lags[0] += squares[squares.len() / 2] / 0.455 * squares.len() as f64;
-            rows += squares.len();
+            // White noise of variance s² has second differences of 6 s². Motion that is not smooth is no noise.
+            let count = signal.len() - 2;
+            lags[0] += usual_power(second_squares(signal)).unwrap_or(0.0) / 6.0 * count as f64;
+            rows += count;
         }
         if rows == 0 {
             return None;
@@ -156,19 +153,20 @@ pub fn loudness(
 /// Mean square of the second differences about each row: of most rows, so that single jumps are none of it.
 fn roughness(signal: &[f64], period_s: f64) -> Vec<f64> {
     let length = ((BLOCK_S / period_s) as usize).max(3);
-    let of = |block: &[f64]| {
-        let mut squares: Vec<f64> =
-            block.windows(3).map(|rows| (rows[0] - 2.0 * rows[1] + rows[2]).powi(2)).collect();
-        let middle = squares.len() / 2;
-        let median = if squares.is_empty() {
-            0.0
-        } else {
-            // The median of a squared normal is 0.455.
-            *squares.select_nth_unstable_by(middle, f64::total_cmp).1 / 0.455
-        };
-        std::iter::repeat_n(median, block.len())
-    };
+    let of =
+        |block: &[f64]| std::iter::repeat_n(usual_power(second_squares(block)).unwrap_or(0.0), block.len());
     signal.chunks(length).flat_map(of).collect()
+}
+
+fn second_squares(signal: &[f64]) -> Vec<f64> {
+    signal.windows(3).map(|rows| (rows[0] - 2.0 * rows[1] + rows[2]).powi(2)).collect()
+}
+
+/// Power of most rows, by their squares: single jumps are none of it.
+fn usual_power(mut squares: Vec<f64>) -> Option<f64> {
+    let middle = squares.len() / 2;
+    // The median of a squared normal is 0.455.
+    (!squares.is_empty()).then(|| *squares.select_nth_unstable_by(middle, f64::total_cmp).1 / 0.455)
 }
 
 fn mean<'v>(values: impl ExactSizeIterator<Item = &'v f64>) -> f64 {
@@ -244,13 +242,8 @@ impl Noise {
     /// What the filter leaves of most rows of blocks: single jumps of stick and slip are none of them.
     fn quiet(&self, blocks: &[Vec<f64>]) -> f64 {
         let rows = blocks.iter().flat_map(|block| self.whitened(block).split_off(ORDER.min(block.len())));
-        let mut squares: Vec<f64> = rows.map(|value| value * value).collect();
-        if squares.is_empty() {
-            return self.left;
-        }
-        let middle = squares.len() / 2;
-        // The median of a squared normal is 0.455.
-        self.left * (*squares.select_nth_unstable_by(middle, f64::total_cmp).1 / 0.455).sqrt()
+        usual_power(rows.map(|value| value * value).collect())
+            .map_or(self.left, |power| self.left * power.sqrt())
     }
 
     /// The signal as independent values of variance 1, where it is noise.

@@ -78,8 +78,8 @@ impl SignalGap {
 
     /// Which share of the excess over the noise is gone.
     pub fn closed_share(&self) -> f64 {
-        let excess = self.before.powi(2) - self.floor.powi(2);
-        if excess <= 0.0 { 1.0 } else { 1.0 - (self.after.powi(2) - self.floor.powi(2)).max(0.0) / excess }
+        let [before, after] = self.excess();
+        if before == 0.0 { 1.0 } else { 1.0 - after / before }
     }
 }
 

@@ -11,7 +11,8 @@
 
 use std::f64::consts::TAU;
 
-use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
+use super::super::params::Parameters;
+use super::catalogue::{Coordinate, Entry, Experiment, Parameter, Values};
 use super::hooks::{Action, Reading};
 
 pub(super) const ENTRY: Entry = Entry {
@@ -27,13 +28,7 @@ pub(super) const ENTRY: Entry = Entry {
     experiment: Experiment::Sweep,
     aliases: &[],
     law_of: None,
-    action: Action::MotorEncoder(|values, _| {
-        Box::new(Swing {
-            amplitude_m: 1e-6 * values[0],
-            rad_per_m: TAU / (1e-6 * values[1]),
-            phase_rad: values[2].to_radians(),
-        })
-    }),
+    action: Action::MotorEncoder(interpolation),
 };
 
 pub(super) const SCALE: Entry = Entry {
@@ -46,15 +41,17 @@ pub(super) const SCALE: Entry = Entry {
         Parameter::PHASE,
     ],
     law_of: Some("encoder-interpolation"),
-    action: Action::TableScale(|values, _| {
-        Box::new(Swing {
-            amplitude_m: 1e-6 * values[0],
-            rad_per_m: TAU / (1e-6 * values[1]),
-            phase_rad: values[2].to_radians(),
-        })
-    }),
+    action: Action::TableScale(interpolation),
     ..ENTRY
 };
+
+fn interpolation(values: &Values, _: &Parameters) -> Box<dyn Reading> {
+    Box::new(Swing {
+        amplitude_m: 1e-6 * values[0],
+        rad_per_m: TAU / (1e-6 * values[1]),
+        phase_rad: values[2].to_radians(),
+    })
+}
 
 /// An error that swings along the travel.
 #[derive(Debug)]

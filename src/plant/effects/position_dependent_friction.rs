@@ -11,6 +11,7 @@ use std::f64::consts::TAU;
 
 use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
 use super::hooks::{Action, Friction, Instant};
+use super::screw_ripple::Ripple;
 
 pub(super) const ENTRY: Entry = Entry {
     name: "position-dependent-friction",
@@ -35,7 +36,7 @@ pub(super) const WAVE: Entry = Entry {
     ],
     law_of: Some("position-dependent-friction"),
     action: Action::Friction(|values, _| {
-        Box::new(Wave {
+        Box::new(Ripple {
             share: 1e-2 * values[0],
             rad_per_m: TAU / (1e-3 * values[1]),
             phase_rad: values[2].to_radians(),
@@ -69,19 +70,6 @@ struct Slope {
 impl Friction for Slope {
     fn factor(&self, at: &Instant) -> f64 {
         (1.0 + self.share_per_m * at.table_m).max(0.0)
-    }
-}
-
-#[derive(Debug)]
-struct Wave {
-    share: f64,
-    rad_per_m: f64,
-    phase_rad: f64,
-}
-
-impl Friction for Wave {
-    fn factor(&self, at: &Instant) -> f64 {
-        1.0 + self.share * libm::sin(at.table_m * self.rad_per_m + self.phase_rad)
     }
 }
 

@@ -41,12 +41,12 @@ pub(super) fn ripple(values: &Values, axis: &Parameters) -> Box<dyn Friction> {
     })
 }
 
-/// The ripple of a screw with its divisions done.
+/// Friction that swings along the travel, with its divisions done.
 #[derive(Debug)]
-struct Ripple {
-    share: f64,
-    rad_per_m: f64,
-    phase_rad: f64,
+pub(super) struct Ripple {
+    pub(super) share: f64,
+    pub(super) rad_per_m: f64,
+    pub(super) phase_rad: f64,
 }
 
 impl Friction for Ripple {
