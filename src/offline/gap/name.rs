@@ -163,13 +163,16 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
     while effects.len() < EFFECTS_MAX {
         progress("looking for what is missing");
         let peaks = Peaks::new(problem, &model.model);
-        let here = linear(&once, &model.model);
-        let listed = shortlist(&once, &here, &|key| peaks.of(key));
+        let here_once = linear(&once, &model.model);
+        let listed = shortlist(&once, &here_once, &|key| peaks.of(key));
         progress("fitting what may be missing");
-        let promising = screened(&once, &here, &listed);
+        let promising = screened(&once, &here_once, &listed);
         let mut candidates = Vec::new();
+        // Of all rows, where anything is to be fitted to them.
+        let mut here = None;
         for promising in promising.iter().filter(|promising| !promising.is_empty()) {
-            candidates.extend(tried(problem, &model, &blocks, promising, rows));
+            let here = here.get_or_insert_with(|| linear(problem, &model.model));
+            candidates.extend(tried(problem, here, &model, &blocks, promising, rows));
             if candidates.iter().any(|candidate: &Candidate| candidate.failed.is_empty()) {
                 break;
             }
@@ -179,10 +182,6 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
             candidates.into_iter().partition(|candidate| candidate.failed.is_empty());
         refused = failed;
         let Some(best) = passed.first().cloned() else { break };
-        // Other laws of an effect that is named are no other names.
-        let passed =
-            passed.into_iter().enumerate().filter(|(rank, one)| *rank == 0 || one.name() != best.name());
-        let passed: Vec<Candidate> = passed.map(|(_, one)| one).collect();
         let margin = NEAR.0.max(NEAR.1 * best.evidence);
         // What says no more with more numbers is no other explanation.
         let count = |candidate: &Candidate| candidate.fitted.model.coordinate_count();
@@ -332,15 +331,15 @@ fn screened(once: &Problem<'_>, here: &Linear, listed: &[Scored]) -> [Vec<Model>
 /// Models with an effect more, fitted to all rows and put to every gate but the last.
 fn tried(
     problem: &Problem<'_>,
+    here: &Linear,
     without: &Fitted,
     blocks_without: &Blocks,
     promising: &[Model],
     rows: [usize; 2],
 ) -> Vec<Candidate> {
-    let here = linear(problem, &without.model);
     let without_held = blocks_without.cost();
     let one = |start: &Model| {
-        let fitted = fit(problem, start, Effort::Coarse(ITERATIONS[1]), Some(&here));
+        let fitted = fit(problem, start, Effort::Coarse(ITERATIONS[1]), Some(here));
         let blocks = Blocks::new(problem, &fitted.model);
         let held = blocks.cost();
         let added = fitted.model.effects.len() - 1;
