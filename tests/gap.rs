@@ -223,6 +223,18 @@ fn the_row_in_which_the_position_loop_acts_is_found() {
 }
 
 #[test]
+fn a_delay_that_is_not_known_of_does_not_pass_for_another_row_of_the_position_loop() {
+    let machine = config::load("paper").expect("a machine");
+    let delay = entry("actuator-delay").expect("an effect");
+    let late = machine.axes[AxisId::X].plant.with_effect(delay, [920.0, 0.0, 0.0]);
+    for phase in [0, 2] {
+        let run = circle(&machine, &late, "fast", [20.0, 1.6], 2, phase);
+        let found = controller::matches(&machine, AxisId::X, &run)[0];
+        assert_eq!((found.phase, found.late), (phase, 2), "{found:?}");
+    }
+}
+
+#[test]
 fn a_machine_that_lacks_nothing_gets_its_parameters_right_and_no_name() {
     let machine = config::load("paper").expect("a machine");
     let analysis = analysed(&machine, &runs(&machine, None));

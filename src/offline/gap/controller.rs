@@ -18,6 +18,9 @@ use crate::rt::control::{AxisLoop, Settings};
 use crate::rt::drive::sheet::CommandApplies;
 use crate::rt::drive::velocity::VelocityEstimator;
 
+/// Latest that a current is looked for behind what the loops ask for, in ticks.
+const LATE_MAX: usize = 8;
+
 /// What the loops ask for along measured positions, behind the way of a command to the drive and the lag of the current
 /// loop, A.
 pub fn replayed(machine: &Machine, id: AxisId, gain_set: u8, run: &AxisRun, phase: usize) -> Vec<f64> {
@@ -78,30 +81,47 @@ pub struct Match {
     pub gain_set: u8,
     /// In which row the position loop acts first.
     pub phase: usize,
+    /// By how many ticks the current comes later than is known.
+    pub late: usize,
     /// Rms of what they do not explain as a share of the rms of the current; its slow part is left out.
     pub left_share: f64,
 }
 
-/// The best of all gain sets and phases first.
+/// Rms of the current but what was asked for so many ticks before, as a share of the rms of the current.
+fn left_share(run: &Run, axis: &AxisRun, asked_a: &[f64], late: usize) -> f64 {
+    let first = ((SETTLE_S / run.period_s) as usize).min(run.len()).max(late);
+    let off: Vec<f64> = axis.current_a[first..]
+        .iter()
+        .zip(&asked_a[first - late..])
+        .map(|(is, asked)| is - asked)
+        .collect();
+    let mean = off.iter().sum::<f64>() / off.len().max(1) as f64;
+    let (mut left, mut whole) = (0.0, 0.0);
+    for ((off, is), is_sound) in off.iter().zip(&axis.current_a[first..]).zip(&run.is_sound[first..]) {
+        if *is_sound {
+            left += (off - mean).powi(2);
+            whole += is * is;
+        }
+    }
+    (left / whole).sqrt()
+}
+
+/// The best of all gain sets and phases first. Delays that are not known must not pass for another phase: each is
+/// held against the current that came so many ticks later.
 pub fn matches(machine: &Machine, id: AxisId, run: &Run) -> Vec<Match> {
     let Some(axis) = run.axes.get(&id) else { return Vec::new() };
-    let first = ((SETTLE_S / run.period_s) as usize).min(run.len());
     let mut all = Vec::new();
     for gain_set in 0..machine.gain_sets.len() {
         for phase in 0..machine.cycle.position_every as usize {
             let asked = replayed(machine, id, gain_set as u8, axis, phase);
-            let off: Vec<f64> =
-                axis.current_a.iter().zip(&asked).map(|(is, asked)| is - asked).skip(first).collect();
-            let mean = off.iter().sum::<f64>() / off.len().max(1) as f64;
-            let (mut left, mut whole) = (0.0, 0.0);
-            for ((off, is), is_sound) in off.iter().zip(&axis.current_a[first..]).zip(&run.is_sound[first..])
-            {
-                if *is_sound {
-                    left += (off - mean).powi(2);
-                    whole += is * is;
-                }
-            }
-            all.push(Match { gain_set: gain_set as u8, phase, left_share: (left / whole).sqrt() });
+            let left = (0..=LATE_MAX).map(|late| (late, left_share(run, axis, &asked, late)));
+            let best = left.min_by(|a, b| a.1.total_cmp(&b.1));
+            all.extend(best.map(|(late, left_share)| Match {
+                gain_set: gain_set as u8,
+                phase,
+                late,
+                left_share,
+            }));
         }
     }
     all.sort_by(|a, b| a.left_share.total_cmp(&b.left_share));
