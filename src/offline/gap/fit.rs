@@ -12,11 +12,11 @@
 //! with sums of rows, which such events change little, and where it ends it looks along its valley for a deeper place.
 //! Invariant: a fit never ends worse than it began.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::linear::{BLOCK_S, K, Linear, Normal, Steps, cost, cost_of, residuals};
-use super::model::Model;
+use super::model::{BASE, Model};
 use super::problem::{Part, Problem, Residual};
 use crate::plant::effects::Parameter;
 
@@ -215,13 +215,7 @@ fn stepped(
         for place in 0..damped.nrows() {
             damped[(place, place)] += *damping * damped[(place, place)].max(1e-12);
         }
-        if let Some(cholesky) = damped.cholesky() {
-            let step = cholesky.solve(&equations.slope);
-            // A step of more than a few priors leaves where the derivatives hold.
-            let largest = step.amax();
-            let share = if largest > FURTHEST { FURTHEST / largest } else { 1.0 };
-            let tried: Vec<f64> = at.iter().zip(step.iter()).map(|(at, step)| at - share * step).collect();
-            let other = model.at(&tried);
+        if let Some(other) = moved(model, &at, damped, &equations.slope) {
             let (left, other_total) = left_by(problem, &other, knee);
             if other_total < total {
                 *damping = (*damping / factor).max(1e-9);
@@ -233,7 +227,51 @@ fn stepped(
     None
 }
 
+/// The model a step further down. A coordinate that its end holds back is left there, and the others go where they go
+/// without it.
+fn moved(model: &Model, at: &[f64], mut curvature: DMatrix<f64>, slope: &DVector<f64>) -> Option<Model> {
+    let mut slope = slope.clone();
+    for _ in 0..at.len() {
+        let step = curvature.clone().cholesky()?.solve(&slope);
+        // A step of more than a few priors leaves where the derivatives hold.
+        let largest = step.amax();
+        let share = if largest > FURTHEST { FURTHEST / largest } else { 1.0 };
+        let tried: Vec<f64> = at.iter().zip(step.iter()).map(|(at, step)| at - share * step).collect();
+        let other = model.at(&tried);
+        let is_held = |place: &usize| other.coordinates()[*place] == at[*place] && tried[*place] != at[*place];
+        let held: Vec<usize> = (0..at.len()).filter(is_held).collect();
+        if held.is_empty() {
+            return Some(other);
+        }
+        for place in held {
+            curvature.row_mut(place).fill(0.0);
+            curvature.column_mut(place).fill(0.0);
+            curvature[(place, place)] = 1.0;
+            slope[place] = 0.0;
+        }
+    }
+    None
+}
+
 impl Fitted {
+    /// Whether a coordinate is so many of its standard deviations from zero, all others as they follow it; a base
+    /// parameter follows as far as it reaches.
+    pub fn is_surely_not_zero(&self, at: usize, deviations: f64) -> bool {
+        let coordinates = self.model.coordinates();
+        let covariance = |one: usize, other: usize| self.covariance[(one, other)];
+        let (mut value, mut variance) = (coordinates[at], covariance(at, at));
+        for (base, from) in self.model.base.iter().enumerate() {
+            let wanted = from - coordinates[at] * covariance(base, at) / covariance(at, at);
+            let held = BASE[base].within_reach(wanted);
+            if held != wanted {
+                let share = covariance(at, base) / covariance(base, base);
+                value = coordinates[at] + share * (held - from);
+                variance = covariance(at, at) - share * covariance(base, at);
+            }
+        }
+        value.abs() > deviations * variance.max(0.0).sqrt() && value * coordinates[at] > 0.0
+    }
+
     /// Key, value and 95 % interval of each parameter of the effect of a place in the list.
     pub fn effect(&self, place: usize) -> Vec<(&'static str, f64, [f64; 2])> {
         let Some(tried) = self.model.effects.get(place) else { return Vec::new() };

@@ -127,6 +127,16 @@ impl Linear {
         Self { model: model.clone(), runs: places.enumerate().map(of).collect() }
     }
 
+    /// The same where some coordinates make up for nothing.
+    #[must_use]
+    pub fn holding(&self, coordinates: &[usize]) -> Self {
+        let mut holding = self.clone();
+        for run in &mut holding.runs {
+            coordinates.iter().for_each(|coordinate| run.columns[*coordinate] = None);
+        }
+        holding
+    }
+
     /// Sum of `ρ` over what is left.
     pub fn cost(&self) -> f64 {
         self.runs.iter().map(|run| cost(&run.residual, K)).sum()

@@ -29,8 +29,18 @@ pub struct Base {
     pub unit: &'static str,
     /// Standard deviation of the logarithm of how far machine files are off.
     pub prior: f64,
+    /// How far a machine is from its file at most, in priors: further off it is another machine, or it is an effect.
+    reach: [f64; 2],
     get: fn(&Twin) -> f64,
     set: fn(&mut Twin, f64),
+}
+
+impl Base {
+    /// The coordinate, as far as it may be from the file.
+    pub fn within_reach(&self, coordinate: f64) -> f64 {
+        let [low, high] = self.reach;
+        coordinate.clamp(low, high)
+    }
 }
 
 /// The base parameters, in the order of the coordinates.
@@ -39,6 +49,7 @@ pub const BASE: [Base; 11] = [
         name: "mass",
         unit: "kg",
         prior: 0.25,
+        reach: [-6.0, 6.0],
         get: |twin| twin.plant.mechanics.mass_kg,
         set: |twin, value| twin.plant.mechanics.mass_kg = value,
     },
@@ -46,6 +57,7 @@ pub const BASE: [Base; 11] = [
         name: "motor_inertia",
         unit: "kg m2",
         prior: 0.25,
+        reach: [-6.0, 6.0],
         get: |twin| twin.plant.mechanics.inertia_kg_m2,
         set: |twin, value| twin.plant.mechanics.inertia_kg_m2 = value,
     },
@@ -53,6 +65,7 @@ pub const BASE: [Base; 11] = [
         name: "stiffness",
         unit: "N/m",
         prior: 0.25,
+        reach: [-6.0, 6.0],
         get: |twin| twin.plant.mechanics.stiffness_n_per_m,
         set: |twin, value| twin.plant.mechanics.stiffness_n_per_m = value,
     },
@@ -60,6 +73,7 @@ pub const BASE: [Base; 11] = [
         name: "damping",
         unit: "N s/m",
         prior: 0.5,
+        reach: [-6.0, 6.0],
         get: |twin| twin.plant.mechanics.damping_n_s_per_m,
         set: |twin, value| twin.plant.mechanics.damping_n_s_per_m = value,
     },
@@ -67,6 +81,7 @@ pub const BASE: [Base; 11] = [
         name: "sliding",
         unit: "N",
         prior: 0.25,
+        reach: [-6.0, 6.0],
         get: |twin| twin.plant.friction.sliding.as_n(),
         set: |twin, value| {
             let excess = twin.plant.friction.breakaway / twin.plant.friction.sliding;
@@ -78,6 +93,7 @@ pub const BASE: [Base; 11] = [
         name: "breakaway_excess",
         unit: "N",
         prior: 0.5,
+        reach: [-6.0, 6.0],
         get: |twin| (twin.plant.friction.breakaway - twin.plant.friction.sliding).as_n(),
         set: |twin, value| {
             twin.plant.friction.breakaway = Force::n(twin.plant.friction.sliding.as_n() + value)
@@ -87,6 +103,7 @@ pub const BASE: [Base; 11] = [
         name: "fall_end",
         unit: "mm/s",
         prior: 0.5,
+        reach: [-6.0, 6.0],
         get: |twin| twin.plant.friction.fall_end.as_mm_per_s(),
         set: |twin, value| {
             let share =
@@ -99,6 +116,7 @@ pub const BASE: [Base; 11] = [
         name: "fall_start",
         unit: "mm/s",
         prior: 0.5,
+        reach: [-6.0, 6.0],
         get: |twin| twin.plant.friction.fall_start.as_mm_per_s(),
         set: |twin, value| {
             twin.plant.friction.fall_start =
@@ -109,6 +127,7 @@ pub const BASE: [Base; 11] = [
         name: "viscous",
         unit: "N s/m",
         prior: 0.25,
+        reach: [-6.0, 6.0],
         get: |twin| twin.plant.friction.viscous_n_s_per_m,
         set: |twin, value| twin.plant.friction.viscous_n_s_per_m = value,
     },
@@ -116,6 +135,8 @@ pub const BASE: [Base; 11] = [
         name: "current_loop",
         unit: "Hz",
         prior: 0.2,
+        // Slower than that it is `current-loop-lag` or `actuator-delay`.
+        reach: [-1.5, 2.0],
         get: |twin| twin.plant.actuator.current_loop_hz,
         set: |twin, value| twin.plant.actuator.current_loop_hz = value,
     },
@@ -123,6 +144,7 @@ pub const BASE: [Base; 11] = [
         name: "current_gain",
         unit: "",
         prior: 0.1,
+        reach: [-6.0, 6.0],
         get: |twin| twin.current_gain,
         set: |twin, value| twin.current_gain = value,
     },
@@ -208,6 +230,11 @@ impl Model {
         BASE.get(coordinate).is_none_or(|base| (base.get)(&twin) != 0.0)
     }
 
+    /// Coordinates of the base that are as far from the file as they may be.
+    pub fn at_reach(&self) -> impl Iterator<Item = usize> {
+        (0..BASE.len()).filter(|place| BASE[*place].reach.contains(&self.base[*place]))
+    }
+
     /// All coordinates.
     pub fn coordinates(&self) -> Vec<f64> {
         let effects = self.effects.iter().flat_map(|tried| {
@@ -243,9 +270,8 @@ impl Model {
     pub fn at(&self, coordinates: &[f64]) -> Self {
         let mut model = self.clone();
         let (base, mut rest) = coordinates.split_at(BASE.len());
-        for (own, new) in model.base.iter_mut().zip(base) {
-            // Six priors off is another machine.
-            *own = new.clamp(-6.0, 6.0);
+        for ((own, new), base) in model.base.iter_mut().zip(base).zip(&BASE) {
+            *own = base.within_reach(*new);
         }
         for tried in &mut model.effects {
             let parameters = tried.entry.parameters;

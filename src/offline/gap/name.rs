@@ -34,6 +34,8 @@ const EFFECTS_MAX: usize = 4;
 /// Iterations of coarse fits: of the base, and of a candidate with it, and those first few.
 const ITERATIONS: [usize; 2] = [12, 6];
 const FEW: usize = 2;
+/// Share of what was left that is so little that a candidate is fitted on with derivatives of its own.
+const FAR: f64 = 0.8;
 /// Fall of the information criterion that a candidate must bring on the fitted rows, beyond what the number of candidates
 /// explains.
 const FALL: f64 = 10.0;
@@ -164,7 +166,9 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
         progress("looking for what is missing");
         let peaks = Peaks::new(problem, &model.model);
         let here_once = linear(&once, &model.model);
-        let listed = shortlist(&once, &here_once, &|key| peaks.of(key));
+        // What the base may not go further with makes up for no more.
+        let held: Vec<usize> = model.model.at_reach().collect();
+        let listed = shortlist(&once, &here_once.holding(&held), &|key| peaks.of(key));
         progress("fitting what may be missing");
         let promising = screened(&once, &here_once, &listed);
         let mut candidates = Vec::new();
@@ -172,7 +176,7 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
         let mut here = None;
         for promising in promising.iter().filter(|promising| !promising.is_empty()) {
             let here = here.get_or_insert_with(|| linear(problem, &model.model));
-            candidates.extend(tried(problem, here, &model, &blocks, promising, rows));
+            candidates.extend(tried(problem, here, &model, &blocks, promising, (&once, start), rows));
             if candidates.iter().any(|candidate: &Candidate| candidate.failed.is_empty()) {
                 break;
             }
@@ -264,25 +268,26 @@ impl Without {
     }
 }
 
-/// A model fitted to the bottom. The base that was fitted otherwise may stand in a valley of its own, so it also begins
-/// from the base of the file.
+/// A model fitted to the bottom.
 fn refitted(problem: &Problem<'_>, once: &Problem<'_>, model: &Model, start: &Model) -> Fitted {
-    let of_file = Model { base: start.base, ..model.clone() };
-    let (one, other) = rayon::join(
-        || fit(once, model, Effort::Coarse(ITERATIONS[0]), None).model,
-        || fit(once, &of_file, Effort::Coarse(ITERATIONS[0]), None).model,
-    );
-    fit(problem, better(problem, &one, &other), Effort::Fine, None)
+    fit(problem, &from_both(problem, once, model, start), Effort::Fine, None)
 }
 
-/// The base fitted coarsely, from the file and from where sums of rows lead.
+/// A model fitted coarsely, from where it stands and from where sums of rows lead from the base of the file: the base that
+/// was fitted otherwise may stand in a valley of its own.
+fn from_both(problem: &Problem<'_>, once: &Problem<'_>, model: &Model, start: &Model) -> Model {
+    let of_file = Model { base: start.base, ..model.clone() };
+    let coarsely = |once: &Problem<'_>, model: &Model| {
+        fit(once, model, Effort::Coarse(ITERATIONS[0]), None).model
+    };
+    let (one, other) =
+        rayon::join(|| coarsely(once, model), || coarsely(once, &coarsely(&once.smooth(), &of_file)));
+    better(problem, &one, &other).clone()
+}
+
+/// The base fitted coarsely.
 fn coarsely(problem: &Problem<'_>, once: &Problem<'_>, start: &Model) -> Fitted {
-    let effort = Effort::Coarse(ITERATIONS[0]);
-    let (one, other) = rayon::join(
-        || fit(once, start, effort, None).model,
-        || fit(once, &fit(&once.smooth(), start, effort, None).model, effort, None).model,
-    );
-    fit(problem, better(problem, &one, &other), effort, None)
+    fit(problem, &from_both(problem, once, start, start), Effort::Coarse(ITERATIONS[0]), None)
 }
 
 fn better<'a>(problem: &Problem<'_>, one: &'a Model, other: &'a Model) -> &'a Model {
@@ -335,11 +340,17 @@ fn tried(
     without: &Fitted,
     blocks_without: &Blocks,
     promising: &[Model],
+    (once, start): (&Problem<'_>, &Model),
     rows: [usize; 2],
 ) -> Vec<Candidate> {
     let without_held = blocks_without.cost();
-    let one = |start: &Model| {
-        let fitted = fit(problem, start, Effort::Coarse(ITERATIONS[1]), Some(here));
+    let one = |promising: &Model| {
+        let mut fitted = fit(problem, promising, Effort::Coarse(ITERATIONS[1]), Some(here));
+        // What explains much leads far from where those derivatives hold.
+        if fitted.total < FAR * without.total {
+            let model = from_both(problem, once, &fitted.model, start);
+            fitted = fit(problem, &model, Effort::Coarse(ITERATIONS[1]), None);
+        }
         let blocks = Blocks::new(problem, &fitted.model);
         let held = blocks.cost();
         let added = fitted.model.effects.len() - 1;
@@ -362,9 +373,7 @@ fn tried(
             failed.push(Gate::Blocks);
         }
         let place = fitted.model.first_coordinate(added);
-        let coordinates = fitted.model.coordinates();
-        let is_sure = |at: usize| coordinates[at].abs() > SURE * fitted.covariance[(at, at)].sqrt();
-        if !entry.amplitudes().any(|amplitude| is_sure(place + amplitude)) {
+        if !entry.amplitudes().any(|amplitude| fitted.is_surely_not_zero(place + amplitude, SURE)) {
             failed.push(Gate::Amplitude);
         }
         if fitted.model.is_at_bound(added) {
