@@ -109,9 +109,9 @@ fn descended(problem: &Problem<'_>, start: &Model, effort: Effort, known: Option
                 if let Some(found) = equations.covariance() {
                     covariance = found;
                 }
-                was_fine = steps.is_fine_for(&covariance);
+                was_fine = steps.is_fine_for(&model, &covariance);
                 if effort == Effort::Fine {
-                    steps = Steps::of(&covariance);
+                    steps = Steps::of(&model, &covariance);
                 }
             }
             let Some((other, other_left, other_total)) =

@@ -79,18 +79,20 @@ pub struct Steps(Vec<f64>);
 impl Steps {
     /// Where nothing is known yet.
     pub fn widest(model: &Model) -> Self {
-        Self(vec![STEP.0; model.coordinate_count()])
+        Self(model.widest_steps(STEP.0))
     }
 
     /// For coordinates of this covariance.
-    pub fn of(covariance: &DMatrix<f64>) -> Self {
-        let of = |variance: &f64| (STEP.2 * variance.max(0.0).sqrt()).clamp(STEP.1, STEP.0);
-        Self(covariance.diagonal().iter().map(of).collect())
+    pub fn of(model: &Model, covariance: &DMatrix<f64>) -> Self {
+        let of = |(variance, widest): (&f64, f64)| {
+            (STEP.2 * variance.max(0.0).sqrt()).clamp(STEP.1.min(widest), widest)
+        };
+        Self(covariance.diagonal().iter().zip(model.widest_steps(STEP.0)).map(of).collect())
     }
 
     /// Whether they are as narrow as that asks for, or nearly.
-    pub fn is_fine_for(&self, covariance: &DMatrix<f64>) -> bool {
-        self.0.iter().zip(Self::of(covariance).0).all(|(own, wanted)| *own <= 3.0 * wanted)
+    pub fn is_fine_for(&self, model: &Model, covariance: &DMatrix<f64>) -> bool {
+        self.0.iter().zip(Self::of(model, covariance).0).all(|(own, wanted)| *own <= 3.0 * wanted)
     }
 }
 

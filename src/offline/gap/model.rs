@@ -265,6 +265,18 @@ impl Model {
         std::iter::repeat_n(1.0, BASE.len()).chain(effects).collect()
     }
 
+    /// Widest step of each coordinate over which a derivative means something: this one, or where something swings as small a
+    /// one as leaves it in step.
+    pub fn widest_steps(&self, widest: f64) -> Vec<f64> {
+        let effects = self.effects.iter().flat_map(|tried| {
+            let of = |(value, parameter): (&f64, &Parameter)| {
+                widest.min(parameter.small_step(*value) / parameter.prior)
+            };
+            tried.values.iter().zip(tried.entry.parameters).map(of).collect::<Vec<_>>()
+        });
+        std::iter::repeat_n(widest, BASE.len()).chain(effects).collect()
+    }
+
     /// The same at other coordinates, held within the bounds.
     #[must_use]
     pub fn at(&self, coordinates: &[f64]) -> Self {

@@ -6,6 +6,8 @@
 //! is found between the lines as well.
 //! Invariant: a peak is far above its neighbourhood, or it is none.
 
+use std::f64::consts::TAU;
+
 use nalgebra::Complex;
 use rayon::prelude::*;
 use rustfft::FftPlanner;
@@ -27,6 +29,11 @@ const HZ: [f64; 2] = [2.0, 400.0];
 const PER_TURN: [f64; 2] = [0.3, 1_500.0];
 /// Sums per turn.
 const BINS_PER_TURN: f64 = 4_096.0;
+
+/// Rows that are summed up where a frequency is looked for more closely, s, and how many lines are looked at in as much as
+/// a session tells apart.
+const IN_STEP_S: f64 = 0.1;
+const LINES_APART: f64 = 8.0;
 
 /// Places that are tried along the way that the axis went.
 const PLACES: u32 = 7;
@@ -80,9 +87,13 @@ impl Peaks {
             .iter()
             .map(begin_and_end)
             .fold([f64::INFINITY, 0.0], |all, run| [all[0].min(run[0]), all[1].max(run[1])]);
+        let begins_s = problem.places(Part::Fit).into_iter();
+        let begins_s = begins_s.map(|place| problem.data[place].course.begins().as_s());
+        let timed: Vec<(f64, &Vec<Vec<f64>>)> = begins_s.zip(runs.iter().map(|(left, _)| left)).collect();
+        let hz = of(1.0 / period_s, HZ, true).into_par_iter();
         Self {
             session_s: end_s - begin_s,
-            hz: of(1.0 / period_s, HZ, true),
+            hz: hz.map(|hz| in_step(hz, &timed, period_s, end_s - begin_s)).collect(),
             per_turn: of(BINS_PER_TURN, PER_TURN, false),
             lead_m,
             span_m,
@@ -145,6 +156,38 @@ fn peaks(sums: &[&[f64]], per_unit: f64, range: [f64; 2]) -> Vec<(f64, f64)> {
     tops(&power, per_unit / length as f64, range)
 }
 
+/// The frequency near a peak at which all runs of a session swing in step: what goes on between them keeps its phase, so it
+/// is told from them all as closely as from one run as long as the session.
+fn in_step(hz: f64, runs: &[(f64, &Vec<Vec<f64>>)], period_s: f64, session_s: f64) -> f64 {
+    let rows = ((IN_STEP_S / period_s) as usize).max(1);
+    let turn = |hz: f64, time_s: f64| Complex::from_polar(1.0, -TAU * (hz * time_s).fract());
+    let Some(longest) = runs.iter().flat_map(|(_, left)| left.iter().map(Vec::len)).max() else { return hz };
+    let signals = runs.first().map_or(0, |(_, left)| left.len());
+    // Turned back by the peak what is left swings slowly: sums of rows tell it as well.
+    let slow = |signal: usize| {
+        let of_run = |(begins_s, left): &(f64, &Vec<Vec<f64>>)| -> Vec<(f64, Complex<f64>)> {
+            let by_block = left[signal].chunks(rows).enumerate().map(|(block, values)| {
+                let at_s = |row: usize| begins_s + (block * rows + row) as f64 * period_s;
+                let sum = values.iter().enumerate().map(|(row, value)| turn(hz, at_s(row)) * *value).sum();
+                (at_s(values.len() / 2), sum)
+            });
+            by_block.collect()
+        };
+        runs.iter().flat_map(of_run).collect::<Vec<_>>()
+    };
+    let slow: Vec<Vec<(f64, Complex<f64>)>> = (0..signals).map(slow).collect();
+    let power = |off_hz: f64| -> f64 {
+        let of_signal = |sums: &Vec<(f64, Complex<f64>)>| {
+            sums.iter().map(|(at_s, sum)| sum * turn(off_hz, *at_s)).sum::<Complex<f64>>().norm_sqr()
+        };
+        slow.iter().map(of_signal).sum()
+    };
+    let step_hz = 1.0 / (LINES_APART * session_s);
+    let reach = (session_s * LINES_APART / (longest as f64 * period_s)).ceil() as i32;
+    let offs_hz = (-reach..=reach).map(|line| f64::from(line) * step_hz);
+    hz + offs_hz.max_by(|a, b| power(*a).total_cmp(&power(*b))).unwrap_or(0.0)
+}
+
 fn tops(power: &[f64], step: f64, range: [f64; 2]) -> Vec<(f64, f64)> {
     let last = power.len() - 2;
     let [low, high] = range.map(|frequency| ((frequency / step) as usize).clamp(1, last));
@@ -177,4 +220,24 @@ fn by_bins(values: &[f64], positions_m: &[f64], lead_m: f64) -> Vec<f64> {
 
 fn positions(simulated: &Signals, setpoints_m: impl Iterator<Item = f64>) -> Vec<f64> {
     setpoints_m.zip(&simulated.following_error_m).map(|(setpoint, error)| setpoint - error).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn runs_of_one_session_tell_a_frequency_together() {
+        let (hz, period_s) = (49.16, 5e-4);
+        let run = |begins_s: f64| -> Vec<Vec<f64>> {
+            let at = |row: i32| (TAU * hz * (begins_s + f64::from(row) * period_s) + 0.7).sin();
+            vec![(0..10_000).map(at).collect()]
+        };
+        let begins_s = [0.0, 13.3, 31.9, 55.0];
+        let left: Vec<Vec<Vec<f64>>> = begins_s.map(run).to_vec();
+        let timed: Vec<(f64, &Vec<Vec<f64>>)> = begins_s.into_iter().zip(&left).collect();
+        let found = in_step(49.2, &timed, period_s, 60.0);
+        // One run alone is 5 s long.
+        assert!((found - hz).abs() < 2e-3, "{found}");
+    }
 }

@@ -14,7 +14,7 @@ pub(super) const ENTRY: Entry = Entry {
     equation: "F(v) (1 + a sin(2π n x / lead + φ))",
     parameters: &[
         Parameter::new("share-percent", "%", [0.0, 50.0], 2.0, 1.5),
-        Parameter::new("periods-per-turn", "", [2.1, 100.0], 7.3, 3.0),
+        Parameter::new("periods-per-turn", "", [2.1, 100.0], 7.3, 3.0).per_turn(),
         Parameter::PHASE,
     ],
     coordinate: Coordinate::Angle,

@@ -33,7 +33,25 @@ pub struct Parameter {
     pub is_amplitude: bool,
     /// Whether a machine has whole numbers of it only.
     pub is_whole: bool,
+    /// Over what the effect swings, where the value says how often.
+    swings_over: Option<Swing>,
 }
+
+/// Over what something swings.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Swing {
+    /// Time; the value is a frequency in Hz.
+    Time,
+    /// The angle of the motor; the value is a number of periods per turn.
+    Angle,
+    /// The way; the value is a period in this unit, m.
+    Way(f64),
+}
+
+/// Share of a period by which a small step moves what swings, at the end of a usual session, s, travel in turns, or
+/// travel, m.
+const SMALL_STEP: f64 = 0.03;
+const USUAL: (f64, f64, f64) = (100.0, 10.0, 0.1);
 
 impl Parameter {
     /// Where on a period the axis starts.
@@ -47,13 +65,43 @@ impl Parameter {
         nominal: f64,
         prior: f64,
     ) -> Self {
-        Self { key, unit, bounds, nominal, prior, is_amplitude: false, is_whole: false }
+        Self { key, unit, bounds, nominal, prior, is_amplitude: false, is_whole: false, swings_over: None }
     }
 
     /// The same of what comes in whole numbers only.
     pub(super) const fn whole(mut self) -> Self {
         self.is_whole = true;
         self
+    }
+
+    /// The same of a frequency.
+    pub(super) const fn in_time(mut self) -> Self {
+        self.swings_over = Some(Swing::Time);
+        self
+    }
+
+    /// The same of periods per turn.
+    pub(super) const fn per_turn(mut self) -> Self {
+        self.swings_over = Some(Swing::Angle);
+        self
+    }
+
+    /// The same of a period along the way, in this unit, m.
+    pub(super) const fn along(mut self, unit_m: f64) -> Self {
+        self.swings_over = Some(Swing::Way(unit_m));
+        self
+    }
+
+    /// A step from a value that leaves what swings in step, in its unit; any is small enough where nothing swings.
+    pub fn small_step(&self, value: f64) -> f64 {
+        let (session_s, turns, travel_m) = USUAL;
+        match self.swings_over {
+            None => f64::INFINITY,
+            Some(Swing::Time) => SMALL_STEP / session_s,
+            Some(Swing::Angle) => SMALL_STEP / turns,
+            // From x / p.
+            Some(Swing::Way(unit_m)) => SMALL_STEP * value * value * unit_m / travel_m,
+        }
     }
 
     /// The same as an amplitude beside the first.

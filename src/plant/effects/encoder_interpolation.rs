@@ -21,7 +21,7 @@ pub(super) const ENTRY: Entry = Entry {
     equation: "x_shown = x_m + A sin(2π x_m / p + φ)",
     parameters: &[
         Parameter::new("amplitude-um", "um", [0.0, 10.0], 0.05, 0.05),
-        Parameter::new("period-um", "um", [0.5, 10_000.0], 4.8828125, 5.0),
+        Parameter::new("period-um", "um", [0.5, 10_000.0], 4.8828125, 5.0).along(1e-6),
         Parameter::PHASE,
     ],
     coordinate: Coordinate::SignalPeriod,
@@ -37,7 +37,7 @@ pub(super) const SCALE: Entry = Entry {
     equation: "x_shown = x_t + A sin(2π x_t / p + φ)",
     parameters: &[
         Parameter::new("amplitude-um", "um", [0.0, 10.0], 0.2, 0.2),
-        Parameter::new("period-um", "um", [0.5, 1_000.0], 20.0, 20.0),
+        Parameter::new("period-um", "um", [0.5, 1_000.0], 20.0, 20.0).along(1e-6),
         Parameter::PHASE,
     ],
     law_of: Some("encoder-interpolation"),

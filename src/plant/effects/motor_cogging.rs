@@ -19,7 +19,7 @@ pub(super) const ENTRY: Entry = Entry {
     equation: "T = ... + A sin(n θ + φ)",
     parameters: &[
         Parameter::new("torque-nm", "N m", [0.0, 100.0], 0.1, 0.1),
-        Parameter::new("periods-per-turn", "", [1.0, 1_000.0], 12.0, 12.0).whole(),
+        Parameter::new("periods-per-turn", "", [1.0, 1_000.0], 12.0, 12.0).whole().per_turn(),
         Parameter::PHASE,
     ],
     coordinate: Coordinate::Angle,

@@ -20,7 +20,7 @@ pub(super) const ENTRY: Entry = Entry {
     equation: "x_shown = x_t + A sin(2π x_t / p + φ)",
     parameters: &[
         Parameter::new("amplitude-um", "um", [0.0, 100.0], 3.0, 2.0),
-        Parameter::new("period-mm", "mm", [0.5, 2_000.0], 10.0, 10.0),
+        Parameter::new("period-mm", "mm", [0.5, 2_000.0], 10.0, 10.0).along(1e-3),
         Parameter::PHASE,
     ],
     coordinate: Coordinate::Angle,

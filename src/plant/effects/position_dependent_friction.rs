@@ -31,7 +31,7 @@ pub(super) const WAVE: Entry = Entry {
     equation: "F(v) (1 + a sin(2π x / p + φ))",
     parameters: &[
         Parameter::new("wave-percent", "%", [0.0, 90.0], 5.0, 5.0),
-        Parameter::new("period-mm", "mm", [12.0, 2_000.0], 50.0, 50.0),
+        Parameter::new("period-mm", "mm", [12.0, 2_000.0], 50.0, 50.0).along(1e-3),
         Parameter::PHASE,
     ],
     law_of: Some("position-dependent-friction"),

@@ -22,7 +22,7 @@ pub(super) const ENTRY: Entry = Entry {
     equation: "F(v) (1 + a sin(2π n x / lead + φ))",
     parameters: &[
         Parameter::new("share-percent", "%", [0.0, 50.0], 5.0, 4.0),
-        Parameter::new("periods-per-turn", "", [0.5, 2.1], 1.0, 1.0).whole(),
+        Parameter::new("periods-per-turn", "", [0.5, 2.1], 1.0, 1.0).whole().per_turn(),
         Parameter::PHASE,
     ],
     coordinate: Coordinate::Angle,

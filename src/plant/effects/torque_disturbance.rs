@@ -14,7 +14,7 @@ pub(super) const ENTRY: Entry = Entry {
     equation: "T = ... + A sin(2π f t + φ)",
     parameters: &[
         Parameter::new("torque-nm", "N m", [0.0, 100.0], 0.05, 0.05),
-        Parameter::new("frequency-hz", "Hz", [0.1, 500.0], 25.0, 15.0),
+        Parameter::new("frequency-hz", "Hz", [0.1, 500.0], 25.0, 15.0).in_time(),
         Parameter::PHASE,
     ],
     coordinate: Coordinate::Time,

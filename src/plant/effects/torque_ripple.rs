@@ -18,7 +18,7 @@ pub(super) const ENTRY: Entry = Entry {
     equation: "T = K_t i (1 + a sin(n θ + φ))",
     parameters: &[
         Parameter::new("share-percent", "%", [0.0, 50.0], 2.0, 2.0),
-        Parameter::new("periods-per-turn", "", [1.0, 1_000.0], 12.0, 12.0).whole(),
+        Parameter::new("periods-per-turn", "", [1.0, 1_000.0], 12.0, 12.0).whole().per_turn(),
         Parameter::PHASE,
     ],
     coordinate: Coordinate::Angle,
