@@ -250,6 +250,7 @@ fn actuator(section: &Section<'_>) -> Actuator {
     Actuator {
         torque_constant_nm_per_a: section.number("torque-constant-nm-per-a", 1e-3..=100.0, "N m/A"),
         current_loop_hz: section.number("current-loop-hz", 10.0..=20_000.0, "Hz"),
+        filter_s: 0.0,
         dead_time: Span::us(section.whole("dead-time-us", 0..=20_000, "us")),
         peak_current: Current::a(section.number("peak-current-a", 0.1..=2_000.0, "A")),
     }

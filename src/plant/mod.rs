@@ -15,6 +15,7 @@
 //! that is in [`effects`].
 //! Invariant: pure functions of parameters, state, input and time step; no clock, no randomness.
 
+mod drive_filter;
 pub mod driven;
 pub mod effects;
 pub mod encoder;
@@ -30,6 +31,7 @@ use std::sync::Arc;
 
 use crate::base::time::Span;
 use crate::base::units::{Current, Force, Position, Velocity};
+use drive_filter::DriveFilter;
 use effects::acting::{Acting, Remembered};
 use effects::backlash::{Gap, Ladder};
 use effects::step::{Bare, Stepping};
@@ -120,6 +122,7 @@ pub struct Plant {
     /// Commands on their way through the dead time, newest first, as forces in N.
     pending_n: [f64; DEAD_TICKS_MAX + 1],
     dead_ticks: usize,
+    filter: DriveFilter,
     /// The part of the tick that still sees the older command; absent without a fraction of a tick.
     early: Option<Part>,
     late: Part,
@@ -159,6 +162,7 @@ impl Plant {
         let mut plant =
             Self::from_state(axis, tick, fine_steps, motion, side, Gap::new(mechanics.backlash_m));
         plant.pending_n = [drive_n; DEAD_TICKS_MAX + 1];
+        plant.filter = plant.filter.at(drive_n);
         plant.body.origin_m = place.as_m();
         if let Some(acting) = &plant.acting {
             let friction_n = acting.steady_friction_n(&plant.body.law, velocity, place);
@@ -180,6 +184,7 @@ impl Plant {
         let motion = [deflection_m, 0.0, 0.0, force_n, 0.0];
         let mut plant = Self::from_state(axis, tick, FINE_STEPS, motion, 0.0, Gap::new(mechanics.backlash_m));
         plant.pending_n = [force_n; DEAD_TICKS_MAX + 1];
+        plant.filter = plant.filter.at(force_n);
         plant
     }
 
@@ -223,6 +228,7 @@ impl Plant {
             peak_a: axis.actuator.peak_current.as_a(),
             pending_n: [0.0; DEAD_TICKS_MAX + 1],
             dead_ticks,
+            filter: DriveFilter::new(&axis.actuator, late_by_s, tick),
             early: (late_by_s > 0.0).then(|| Part::new(axis, gap, late_by_s, fine_steps, has_effects)),
             late: Part::new(axis, gap, tick.as_s() - late_by_s, fine_steps, has_effects),
             body: Body {
@@ -256,6 +262,7 @@ impl Plant {
             changed.dead_ticks, self.dead_ticks,
             "a dead time does not change while commands are in it"
         );
+        changed.filter = changed.filter.taken_over(&self.filter);
         *self = Self { pending_n: self.pending_n, ..changed };
     }
 
@@ -281,8 +288,8 @@ impl Plant {
             self.pending_n[age + 1] = self.pending_n[age];
         }
         self.pending_n[0] = held_a * self.force_per_current;
-        let Self { early, late, body, acting, pending_n, dead_ticks, .. } = self;
-        let commands_n = [pending_n[*dead_ticks + 1], pending_n[*dead_ticks]];
+        let Self { early, late, body, acting, pending_n, dead_ticks, filter, .. } = self;
+        let commands_n = filter.passed([pending_n[*dead_ticks + 1], pending_n[*dead_ticks]]);
         match acting {
             None => body.tick(early.as_ref(), late, commands_n, &Bare),
             Some(acting) => body.tick_with_effects(early.as_ref(), late, commands_n, acting),

@@ -82,6 +82,8 @@ pub struct Actuator {
     pub torque_constant_nm_per_a: f64,
     /// Bandwidth of the current loop, a first-order lag, Hz.
     pub current_loop_hz: f64,
+    /// Time constant of a filter of the drive before it, a first-order lag, s; zero without one.
+    pub filter_s: f64,
     /// Time from a command taking effect in the drive to the current loop seeing it.
     pub dead_time: Span,
     /// Largest current that the drive makes.

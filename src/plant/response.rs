@@ -30,7 +30,8 @@ fn speed_per_torque(axis: &Parameters, viscous_n_s_per_m: f64, omega_rad_per_s: 
         s * (table + coupling) / (s * s * motor_kg * (table + coupling) + coupling * table);
     let speed_per_torque = velocity_per_force * (mechanics.force_per_torque() / mechanics.travel_per_rad_m());
     let current_loop = Complex::new(1.0, 0.0) / (s * axis.actuator.lag_s() + 1.0);
-    speed_per_torque * current_loop * delay(axis.actuator.dead_time.as_s(), omega_rad_per_s)
+    let filter = Complex::new(1.0, 0.0) / (s * axis.actuator.filter_s + 1.0);
+    speed_per_torque * filter * current_loop * delay(axis.actuator.dead_time.as_s(), omega_rad_per_s)
 }
 
 /// A pure delay, `exp(-s T)`.

@@ -32,6 +32,7 @@ pub(crate) fn paper_axis() -> Parameters {
         actuator: Actuator {
             torque_constant_nm_per_a: 1.0,
             current_loop_hz: 300.0,
+            filter_s: 0.0,
             dead_time: Span::ZERO,
             peak_current: Current::a(60.0),
         },

@@ -141,7 +141,7 @@ fn axis<'m>(
     let start = Model::new(machine.axes[id].plant);
     let mut named = name::name(&problem, &start, &say);
     let mut gap = gaps(&problem, &start, &named);
-    if costs_more_than_noise(&named) && explains_too_little(&gap) {
+    if costs_more_than_noise(&named) && explains_too_little(&problem, &named) {
         named.withdraw();
         gap.iter_mut().for_each(|signal| signal.after = signal.before);
     }

@@ -43,6 +43,8 @@ const FALL: f64 = 10.0;
 /// leaned on the table in one of those runs.
 const HELD_FALL: f64 = 25.0;
 const HELD_SHARE: f64 = 0.02;
+/// Cost per row that is plainly more than noise, which is 1.
+const PLAIN: f64 = 1.1;
 /// An amplitude must be so many of its standard deviations.
 const SURE: f64 = 4.0;
 /// A number that is as far from a whole one as its uncertainty allows, and within these, may be whole.
@@ -264,7 +266,9 @@ impl Without {
         let fall = (self.fitted.total - model.total) / scale(model.cost, rows[0])
             - parameters * (rows[0] as f64).ln();
         let held_fall = (self.blocks.cost() - blocks.cost()) / scale(blocks.cost(), rows[1]);
-        fall > FALL && held_fall > HELD_FALL && self.blocks.is_surely_worse_than(blocks)
+        let is_worse = held_fall > HELD_FALL && self.blocks.is_surely_worse_than(blocks);
+        let is_plain = does_not_show_where_judged(&self.fitted, model, [&self.blocks, blocks], rows);
+        fall > FALL && (is_worse || is_plain)
     }
 }
 
@@ -293,6 +297,13 @@ fn coarsely(problem: &Problem<'_>, once: &Problem<'_>, start: &Model) -> Fitted 
 fn better<'a>(problem: &Problem<'_>, one: &'a Model, other: &'a Model) -> &'a Model {
     let total = |model: &Model| cost_of(problem, model, Part::Fit) + believed(model);
     if total(other) < total(one) { other } else { one }
+}
+
+/// Whether the rows that judge say nothing of an effect: on the others it makes plainly more than noise into noise, and
+/// there it makes nothing surely worse. Circles tell little of what the force of the screw does to friction.
+fn does_not_show_where_judged(without: &Fitted, with: &Fitted, held: [&Blocks; 2], rows: [usize; 2]) -> bool {
+    let per_row = |fitted: &Fitted| fitted.cost / rows[0].max(1) as f64;
+    per_row(without) > PLAIN && per_row(with) < 1.0 && !held[1].is_surely_worse_than(held[0])
 }
 
 /// What is left per row.
@@ -366,10 +377,11 @@ fn tried(
         if fall <= FALL + 2.0 * (CATALOGUE.len() as f64).ln() {
             failed.push(Gate::Fit);
         }
-        if held_fall <= HELD_FALL || (without_held - held) < HELD_SHARE * left {
+        let is_hidden = does_not_show_where_judged(without, &fitted, [blocks_without, &blocks], rows);
+        if !is_hidden && (held_fall <= HELD_FALL || (without_held - held) < HELD_SHARE * left) {
             failed.push(Gate::Held);
         }
-        if !blocks_without.is_surely_worse_than(&blocks) {
+        if !is_hidden && !blocks_without.is_surely_worse_than(&blocks) {
             failed.push(Gate::Blocks);
         }
         let place = fitted.model.first_coordinate(added);

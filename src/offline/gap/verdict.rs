@@ -9,6 +9,8 @@ use serde::Serialize;
 
 use super::fit::Fitted;
 use super::floor::Noise;
+use super::forward::Signals;
+use super::linear::BLOCK_S;
 use super::model::{BASE, Model};
 use super::name::Named;
 use super::problem::{Part, Problem, SIGNALS};
@@ -18,6 +20,8 @@ pub const PRACTICAL_UM: f64 = 0.1;
 /// Where what is left without a name has the power of noise, names must close this share of it.
 const PLAIN: f64 = 1.0;
 const CLOSED: f64 = 0.75;
+/// Share of the time in which what is left says nothing of what is named.
+const LEANED: f64 = 0.05;
 /// Most effects of a class that still says something.
 const CLASS_MAX: usize = 3;
 
@@ -124,9 +128,58 @@ pub(super) fn costs_more_than_noise(named: &Named) -> bool {
 }
 
 /// Whether what was named leaves much of what there is: then it is something else that looks like it from afar.
-pub(super) fn explains_too_little(gap: &[SignalGap]) -> bool {
-    let [before, after] = [0, 1].map(|part| gap.iter().map(|signal| signal.excess()[part]).sum::<f64>());
+pub(super) fn explains_too_little(problem: &Problem<'_>, named: &Named) -> bool {
+    let models = [&named.base.model, &named.model.model];
+    let mut blocks = blocks_of_power(problem, models);
+    // Somebody may have leaned on the table.
+    blocks.sort_by(|a, b| a[1].total_cmp(&b[1]));
+    blocks.truncate(blocks.len() - (LEANED * blocks.len() as f64).ceil() as usize);
+    leaves_much(&blocks)
+}
+
+fn leaves_much(blocks: &[[f64; 2]]) -> bool {
+    let [before, after] = [0, 1].map(|which| {
+        let power = blocks.iter().map(|block| block[which]).sum::<f64>() / blocks.len().max(1) as f64;
+        (power - 1.0).max(0.0)
+    });
     before > PLAIN && after > (1.0 - CLOSED) * before
+}
+
+/// Power of what two models leave of each block of the rows that were not fitted, in units of noise, of the signal that
+/// shows most.
+fn blocks_of_power(problem: &Problem<'_>, models: [&Model; 2]) -> Vec<[f64; 2]> {
+    let length = (BLOCK_S / problem.machine.cycle.period.as_s()) as usize;
+    let mut blocks = Vec::new();
+    for place in problem.places(Part::Held) {
+        let rows = problem.data[place].rows(Part::Held);
+        let simulated = models.map(|model| problem.simulated(place, model));
+        let left: Vec<[Vec<f64>; 2]> = SIGNALS
+            .iter()
+            .zip(&problem.noises)
+            .filter_map(|((.., pick), noise)| {
+                let floor = noise.as_ref()?.rms;
+                let of = |simulated: &Signals| -> Vec<f64> {
+                    let left = problem.left(place, simulated, *pick, Part::Held);
+                    left.iter().map(|value| (value / floor).powi(2)).collect()
+                };
+                Some(simulated.each_ref().map(of))
+            })
+            .collect();
+        for from in (0..rows.len()).step_by(length) {
+            let counting: Vec<usize> = (from..rows.len().min(from + length)).filter(|row| rows[*row]).collect();
+            if counting.is_empty() {
+                continue;
+            }
+            let power = |which: usize| {
+                let of = |signal: &[Vec<f64>; 2]| {
+                    counting.iter().filter_map(|row| signal[which].get(*row)).sum::<f64>()
+                };
+                left.iter().map(of).fold(0.0, f64::max) / counting.len() as f64
+            };
+            blocks.push([power(0), power(1)]);
+        }
+    }
+    blocks
 }
 
 /// What is to be said of an axis.
@@ -170,23 +223,19 @@ pub(super) fn verdict(named: &Named, gap: &[SignalGap]) -> Verdict {
 mod tests {
     use super::*;
 
-    fn gap(before: f64, after: f64) -> SignalGap {
-        SignalGap { signal: "current", unit: "A", file: before, before, after, floor: 0.1 }
-    }
-
     #[test]
     fn names_that_leave_much_of_a_plain_gap_explain_too_little() {
-        // Power of noise is 0.01 A².
+        // In units of the power of noise.
         for (before, after, is_too_little) in [
-            (0.5, 0.3, true),
-            (0.5, 0.2, false),
+            (25.0, 9.0, true),
+            (25.0, 4.0, false),
             // What is hardly more than noise tells nothing of what closes it.
-            (0.12, 0.12, false),
-            (0.1, 0.1, false),
+            (1.4, 1.4, false),
+            (1.0, 1.0, false),
         ] {
-            assert_eq!(explains_too_little(&[gap(before, after)]), is_too_little, "{before} A, {after} A");
+            assert_eq!(leaves_much(&[[before, after]; 8]), is_too_little, "{before}, {after}");
         }
-        // Of all signals together.
-        assert!(!explains_too_little(&[gap(0.2, 0.2), gap(0.8, 0.1)]));
+        // Of all blocks together.
+        assert!(!leaves_much(&[[4.0, 4.0], [60.0, 1.0]]));
     }
 }

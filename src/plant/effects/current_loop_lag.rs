@@ -1,8 +1,7 @@
 //! Lag of the current loop: it follows slower than is known, or a filter of the drive stands before it.
 //!
-//! Two lags of first order one behind the other are taken for one with the sum of their times, which holds far
-//! below their bandwidths.
-//! Invariant: adds to the lag of the actuator, so that the margins of the loops know it as well.
+//! A loop that is slower is still one lag of first order; a filter before it makes two, one behind the other.
+//! Invariant: adds to the lags of the actuator, so that the margins of the loops know it as well.
 
 use std::f64::consts::TAU;
 
@@ -21,4 +20,13 @@ pub(super) const ENTRY: Entry = Entry {
     action: Action::Parameter(|values, axis| {
         axis.actuator.current_loop_hz = 1.0 / (TAU * (axis.actuator.lag_s() + 1e-6 * values[0]));
     }),
+};
+
+pub(super) const FILTER: Entry = Entry {
+    name: "current-loop-lag-filter",
+    summary: "a filter of the drive before its current loop",
+    equation: "i = i_c / ((1 + s τ) (1 + s T))",
+    law_of: Some("current-loop-lag"),
+    action: Action::Parameter(|values, axis| axis.actuator.filter_s += 1e-6 * values[0]),
+    ..ENTRY
 };

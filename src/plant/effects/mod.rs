@@ -78,6 +78,7 @@ pub const CATALOGUE: &[Entry] = &[
     torque_disturbance::ENTRY,
     actuator_delay::ENTRY,
     current_loop_lag::ENTRY,
+    current_loop_lag::FILTER,
     backlash::ENTRY,
     soft_zone::ENTRY,
     position_dependent_stiffness::ENTRY,

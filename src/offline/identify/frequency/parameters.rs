@@ -238,6 +238,7 @@ impl Data<'_> {
         let nominal = axis.control.axis.mechanics;
         let actuator = Actuator {
             current_loop_hz: current_loop.hz,
+            filter_s: 0.0,
             dead_time: Span::ZERO,
             ..axis.control.axis.actuator
         };
