@@ -261,8 +261,8 @@ impl<'a> ClosedAxis<'a> {
         let table = self.table.as_ref().map(|table| table.position(Span::ZERO));
         let [motor, table_shown] = self.plant.shown(motor, table.unwrap_or(motor));
         let position = scale.motor_position(scale.motor_counts(self.start + motor));
+        let crossing = next.map_or(Position::ZERO, |next| self.plant.crossed(next));
         let table_position = table.map(|_| {
-            let crossing = next.map_or(Position::ZERO, |next| self.plant.crossing(next));
             scale.table_position(scale.table_counts(self.start + table_shown + crossing))
         });
         let sample = Sample {

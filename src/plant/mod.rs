@@ -310,14 +310,16 @@ impl Plant {
         Neighbour { table: table + Position::m(self.body.origin_m), force: Force::n(self.body.screw_n()) }
     }
 
-    /// Whether its table scale shows something of the next axis.
+    /// Whether the next axis does something to it.
     pub fn is_crossed(&self) -> bool {
         self.acting.as_ref().is_some_and(|acting| acting.is_crossed())
     }
 
-    /// What its table scale shows too much for what the next axis does.
-    pub fn crossing(&self, next: &Neighbour) -> Position {
-        Position::m(self.acting.as_ref().map_or(0.0, |acting| acting.crossing_m(next)))
+    /// The next axis pushes it as it does now; what its table scale shows too much of it.
+    pub fn crossed(&mut self, next: &Neighbour) -> Position {
+        let Self { acting, body, .. } = self;
+        let shown_m = acting.as_ref().map(|acting| acting.crossing_m(next, &mut body.remembered));
+        Position::m(shown_m.unwrap_or(0.0))
     }
 }
 

@@ -64,7 +64,7 @@ pub(super) struct Axis {
     crossing: Position,
 }
 
-/// A frame comes. At a SYNC so long `after` the end of the last step, table scales show something of the next axis; after the
+/// A frame comes. At a SYNC so long `after` the end of the last step, the next axis pushes and shows in table scales; after the
 /// last comes the first.
 pub(super) fn cross(axes: &mut [Axis], frame: &Frame, after: Span) {
     let is_latched = Address::of(frame.id()) == Some(Address::Sync);
@@ -77,7 +77,7 @@ pub(super) fn cross(axes: &mut [Axis], frame: &Frame, after: Span) {
     });
     let neighbours = neighbours.as_slice();
     for (index, axis) in axes.iter_mut().enumerate() {
-        axis.crossing = axis.plant.crossing(&neighbours[(index + 1) % neighbours.len()]);
+        axis.crossing = axis.plant.crossed(&neighbours[(index + 1) % neighbours.len()]);
     }
 }
 

@@ -12,7 +12,7 @@ use super::runs::{AxisRun, Run};
 use crate::base::axis::AxisId;
 use crate::base::setpoint::Setpoint;
 use crate::base::time::Span;
-use crate::base::units::{Acceleration, Current, Position, Velocity};
+use crate::base::units::{Acceleration, Current, Force, Position, Velocity};
 use crate::config::Machine;
 use crate::config::machine::Axis;
 use crate::offline::closed_axis::{ClosedAxis, Start};
@@ -27,6 +27,8 @@ const AT_REST_M_PER_S: f64 = 2e-5;
 /// Counts of encoders that resolve everything.
 const FINE_COUNTS_PER_REV: u32 = 1 << 30;
 const FINE_COUNTS_PER_MM: u32 = 100_000_000;
+/// Rows to either side over which the acceleration of another axis is measured.
+const SWING_ROWS: usize = 20;
 /// The state at the start is the mean of so many rows, of an axis at rest as long as its setpoint stays within that of
 /// the first row, m.
 const START_ROWS: usize = 16;
@@ -66,7 +68,7 @@ pub struct Course {
     /// Row of the first tick of the position loop.
     phase: usize,
     has_table: bool,
-    /// What the next axis did, as measured: a scale at the table may show something of it.
+    /// What the next axis did, as measured.
     next: Vec<Neighbour>,
 }
 
@@ -74,7 +76,7 @@ impl Course {
     /// Of a run of a session that began at `origin_s`; the position loop acts in the row `phase` first.
     pub fn new(run: &Run, machine: &Machine, id: AxisId, phase: usize, origin_s: f64) -> Option<Self> {
         let axis = run.axes.get(&id)?;
-        let next = if axis.table_m.is_some() { neighbours(run, machine, id) } else { Vec::new() };
+        let next = neighbours(run, machine, id);
         let rows = axis.setpoint_m.len();
         let slope = |column: &[f64], row: usize, reach: usize| {
             let (low, high) = (row.saturating_sub(reach), (row + reach).min(rows - 1));
@@ -149,11 +151,21 @@ fn neighbours(run: &Run, machine: &Machine, id: AxisId) -> Vec<Neighbour> {
     let (true, Some(axis)) = (next != id, run.axes.get(&next)) else { return Vec::new() };
     let plant = &machine.axes[next].plant;
     let table_m = axis.table_m.as_ref().unwrap_or(&axis.position_m);
-    let of = |(table_m, current_a): (&f64, &f64)| Neighbour {
-        table: Position::m(*table_m),
-        force: plant.mechanics.force_of_torque(plant.actuator.torque(Current::a(*current_a))),
+    let last = table_m.len() - 1;
+    let of = |(row, current_a): (usize, &f64)| {
+        let [from, to] = [row.saturating_sub(SWING_ROWS), (row + SWING_ROWS).min(last)];
+        let middle = usize::midpoint(from, to);
+        let side_s = 0.5 * (to - from).max(1) as f64 * run.period_s;
+        let [before, here, after] = [from, middle, to].map(|row| axis.position_m[row]);
+        let acceleration_m_per_s2 = (before - 2.0 * here + after) / (side_s * side_s);
+        let motor = plant.mechanics.force_of_torque(plant.actuator.torque(Current::a(*current_a)));
+        Neighbour {
+            table: Position::m(table_m[row]),
+            // What its motor needs for itself is no force of its screw.
+            force: motor - Force::n(plant.mechanics.motor_mass_kg() * acceleration_m_per_s2),
+        }
     };
-    table_m.iter().zip(&axis.current_a).map(of).collect()
+    axis.current_a.iter().enumerate().map(of).collect()
 }
 
 /// An axis whose encoders resolve everything. Counts of the simulation are no more those of the measurement than its

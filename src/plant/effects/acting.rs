@@ -18,13 +18,15 @@ pub(in crate::plant) struct Remembered {
     pub(in crate::plant) time_s: f64,
     /// Force of the bristles on the table, N, against its way.
     pub(super) bristles_n: f64,
+    /// Force of the next axis on the table, N.
+    pub(super) pushed_n: f64,
     pub(super) forces: [Memory; MEMORIES_MAX],
 }
 
 impl Remembered {
     /// Of an axis at rest.
     pub(in crate::plant) const REST: Self =
-        Self { time_s: 0.0, bristles_n: 0.0, forces: [[0.0; 3]; MEMORIES_MAX] };
+        Self { time_s: 0.0, bristles_n: 0.0, pushed_n: 0.0, forces: [[0.0; 3]; MEMORIES_MAX] };
 }
 
 /// A force and the number of its memory, if it has one.
@@ -160,7 +162,8 @@ impl Acting {
 
     /// Forces on the table but those of screw and friction, N.
     pub(in crate::plant) fn on_table_n(&self, at: &Instant, all: &Remembered) -> f64 {
-        self.forces.iter().map(|forced| forced.force.on_table_n(at, forced.memory(all))).sum()
+        let of = |forced: &Forced| forced.force.on_table_n(at, forced.memory(all));
+        self.forces.iter().map(of).sum::<f64>() + all.pushed_n
     }
 
     /// What motor encoder and table scale show too much at these places, m.
@@ -171,12 +174,13 @@ impl Acting {
         [sum(&self.motor_encoder, places_m[0]), sum(&self.table_scale, places_m[1])]
     }
 
-    /// What the table scale shows too much of the next axis, m; nothing where it shows nothing of it.
-    pub(in crate::plant) fn crossing_m(&self, other: &Neighbour) -> f64 {
+    /// The next axis pushes the table as it does now; what the table scale shows too much of it, m.
+    pub(in crate::plant) fn crossing_m(&self, other: &Neighbour, all: &mut Remembered) -> f64 {
+        all.pushed_n = self.next_axis.iter().map(|crossing| crossing.on_table_n(other)).sum();
         self.next_axis.iter().map(|crossing| crossing.error_m(other)).sum()
     }
 
-    /// Whether the table scale shows something of the next axis.
+    /// Whether the next axis does something to this one.
     pub(in crate::plant) fn is_crossed(&self) -> bool {
         !self.next_axis.is_empty()
     }

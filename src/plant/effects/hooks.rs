@@ -98,10 +98,16 @@ pub(in crate::plant) trait Reading: Debug + Send + Sync {
     fn error_m(&self, place_m: f64, time_s: f64) -> f64;
 }
 
-/// What a scale shows of another axis.
+/// What another axis does to this one.
 pub(in crate::plant) trait Crossing: Debug + Send + Sync {
-    /// Error at what the other axis does, m.
-    fn error_m(&self, other: &Neighbour) -> f64;
+    /// What the table scale shows too much, m.
+    fn error_m(&self, _other: &Neighbour) -> f64 {
+        0.0
+    }
+    /// Force on the table, N.
+    fn on_table_n(&self, _other: &Neighbour) -> f64 {
+        0.0
+    }
 }
 
 /// What an axis does to the next one.
@@ -139,7 +145,7 @@ pub(in crate::plant) enum Action {
     MotorEncoder(Made<Box<dyn Reading>>),
     /// In what the table scale shows.
     TableScale(Made<Box<dyn Reading>>),
-    /// In what the table scale shows of the next axis.
+    /// In what the next axis does to this one.
     NextAxis(Made<Box<dyn Crossing>>),
     /// In what the control does that moves the axis.
     Control(fn(&Values, &mut Otherwise)),

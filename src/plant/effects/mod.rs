@@ -91,6 +91,7 @@ pub const CATALOGUE: &[Entry] = &[
     thermal_growth::ENTRY,
     squareness::ENTRY,
     cross_coupling::ENTRY,
+    cross_coupling::PUSH,
     servo_gain_mismatch::ENTRY,
     command_filter::ENTRY,
     reversal_compensation::ENTRY,

@@ -147,7 +147,7 @@ impl Acting {
             Some(_) => all.bristles_n,
             None => self.friction_n(body.law.magnitude_n(at.speed_m_per_s), at) * at.side,
         };
-        let mut loads = Loads { motor_n: 0.0, table_n: friction_n };
+        let mut loads = Loads { motor_n: 0.0, table_n: friction_n - all.pushed_n };
         for forced in &self.forces {
             let memory = forced.memory(all);
             let stretch_n = maps.stiffness_n_per_m * forced.force.stretch_m(at);
