@@ -262,9 +262,8 @@ impl<'a> ClosedAxis<'a> {
         let [motor, table_shown] = self.plant.shown(motor, table.unwrap_or(motor));
         let position = scale.motor_position(scale.motor_counts(self.start + motor));
         let crossing = next.map_or(Position::ZERO, |next| self.plant.crossed(next));
-        let table_position = table.map(|_| {
-            scale.table_position(scale.table_counts(self.start + table_shown + crossing))
-        });
+        let table_position =
+            table.map(|_| scale.table_position(scale.table_counts(self.start + table_shown + crossing)));
         let sample = Sample {
             freshness: Freshness::Fresh,
             position,

@@ -4,28 +4,37 @@
 //!   c' = (u - c) / T        ∫ c dt over h  =  u h + (c_0 - u) T (1 - exp(-h / T))
 //! ```
 //!
-//! The command that it makes of one that is held is no longer held. The current loop gets its mean over each part of a
-//! tick: the same charge, and no more than the lag of the current loop smooths anyway.
+//! The command that it makes of one that is held is no longer held. The current loop gets its mean over each piece of a
+//! tick: the same charge, and the loop smooths what a piece leaves out. In two pieces of a tick of 0.5 ms a
+//! reversal is off by 0.006 um, in one by 0.023 um.
 //! Invariant: without a time constant a command is as it was, to the bit.
 
 use super::params::Actuator;
 use crate::base::time::Span;
+
+/// Most pieces of a part of a tick, each with a command of its own.
+pub(super) const PIECES_MAX: usize = 2;
+
+/// Commands of the early and the late part of a tick, N, each in its pieces.
+pub(super) type Commands = [[f64; PIECES_MAX]; 2];
 
 /// The filter, with what it remembers.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct DriveFilter {
     /// Time constant, s; zero is no filter.
     lag_s: f64,
-    /// How long the two parts of a tick are, s.
-    parts_s: [f64; 2],
+    /// How long a piece of either part of a tick is, s.
+    pieces_s: [f64; 2],
     /// What comes out of it, N.
     out_n: f64,
 }
 
 impl DriveFilter {
-    /// Of an actuator, where the first part of a tick is so long; what comes out is zero.
+    /// Of an actuator, where the early part of a tick is so long; what comes out is zero.
     pub(super) fn new(actuator: &Actuator, early_s: f64, tick: Span) -> Self {
-        Self { lag_s: actuator.filter_s, parts_s: [early_s, tick.as_s() - early_s], out_n: 0.0 }
+        let mut filter = Self { lag_s: actuator.filter_s, pieces_s: [0.0; 2], out_n: 0.0 };
+        filter.pieces_s = [early_s, tick.as_s() - early_s].map(|part_s| part_s / filter.pieces() as f64);
+        filter
     }
 
     /// The same where this has come out of it for long.
@@ -38,25 +47,35 @@ impl DriveFilter {
         self.at(other.out_n)
     }
 
+    /// Pieces of a part of a tick.
+    #[inline(always)]
+    pub(super) fn pieces(&self) -> usize {
+        if self.lag_s == 0.0 { 1 } else { PIECES_MAX }
+    }
+
     /// What it makes of the commands of the parts of a tick, N.
     #[inline(always)]
-    pub(super) fn passed(&mut self, commands_n: [f64; 2]) -> [f64; 2] {
-        if self.lag_s == 0.0 { commands_n } else { self.filtered(commands_n) }
+    pub(super) fn passed(&mut self, commands_n: [f64; 2]) -> Commands {
+        let mut passed_n = commands_n.map(|command_n| [command_n; PIECES_MAX]);
+        if self.lag_s != 0.0 {
+            self.filter(&mut passed_n);
+        }
+        passed_n
     }
 
     #[cold]
     #[inline(never)]
-    fn filtered(&mut self, commands_n: [f64; 2]) -> [f64; 2] {
-        let mut passed_n = commands_n;
-        for (passed_n, length_s) in passed_n.iter_mut().zip(self.parts_s).filter(|(_, length_s)| *length_s > 0.0)
-        {
-            let ticks = length_s / self.lag_s;
-            let gone = -(-ticks).exp_m1();
-            let off_n = self.out_n - *passed_n;
-            self.out_n -= off_n * gone;
-            *passed_n += off_n * gone / ticks;
+    fn filter(&mut self, commands_n: &mut Commands) {
+        let parts = commands_n.iter_mut().zip(self.pieces_s).filter(|(_, piece_s)| *piece_s > 0.0);
+        for (part_n, piece_s) in parts {
+            let constants = piece_s / self.lag_s;
+            let gone = -(-constants).exp_m1();
+            for command_n in part_n {
+                let off_n = self.out_n - *command_n;
+                self.out_n -= off_n * gone;
+                *command_n += off_n * gone / constants;
+            }
         }
-        passed_n
     }
 }
 
@@ -77,11 +96,12 @@ mod tests {
     }
 
     #[test]
-    fn a_step_comes_out_as_its_mean_over_each_part() {
+    fn a_step_comes_out_as_its_mean_over_each_piece() {
         let mut filter = filter(1e-3);
         let mut time_s = 0.0_f64;
         for _ in 0..6 {
-            for (passed_n, length_s) in filter.passed([1.0, 1.0]).into_iter().zip([2e-4, 3e-4]) {
+            let pieces = filter.passed([1.0, 1.0]).into_iter().flatten();
+            for (passed_n, length_s) in pieces.zip([1e-4, 1e-4, 1.5e-4, 1.5e-4]) {
                 let end_s = time_s + length_s;
                 // ∫ 1 - exp(-t / T) dt.
                 let mean = 1.0 - 1e-3 * ((-time_s / 1e-3).exp() - (-end_s / 1e-3).exp()) / length_s;
@@ -93,6 +113,7 @@ mod tests {
 
     #[test]
     fn without_a_lag_nothing_changes() {
-        assert_eq!(filter(0.0).passed([0.1, 0.7]), [0.1, 0.7]);
+        let mut filter = filter(0.0);
+        assert_eq!((filter.pieces(), filter.passed([0.1, 0.7])), (1, [[0.1; 2], [0.7; 2]]));
     }
 }

@@ -15,6 +15,7 @@
 //! that is in [`effects`].
 //! Invariant: pure functions of parameters, state, input and time step; no clock, no randomness.
 
+mod body;
 mod drive_filter;
 pub mod driven;
 pub mod effects;
@@ -31,13 +32,14 @@ use std::sync::Arc;
 
 use crate::base::time::Span;
 use crate::base::units::{Current, Force, Position, Velocity};
+use body::{Body, Part};
 use drive_filter::DriveFilter;
+use effects::Neighbour;
 use effects::acting::{Acting, Remembered};
-use effects::backlash::{Gap, Ladder};
-use effects::step::{Bare, Stepping};
-use effects::{Neighbour, Pace};
+use effects::backlash::Gap;
+use effects::step::Bare;
 use friction::Law;
-use maps::{Motion, StepMaps};
+use maps::Motion;
 
 /// Steps of a tick while the table creeps, reverses or may break away.
 pub const FINE_STEPS: u32 = 10;
@@ -59,57 +61,6 @@ pub struct State {
     pub current: Current,
     /// Whether friction holds the table.
     pub is_stuck: bool,
-}
-
-/// A part of the tick with one held command: its maps in one step and in fine steps.
-#[derive(Clone, Debug)]
-struct Part {
-    whole: StepMaps,
-    /// For an axis with effects, whose forces may ask for it.
-    half: Option<StepMaps>,
-    fine: StepMaps,
-    fine_steps: u32,
-    /// Instead of the others, for an axis with play.
-    with_gap: Option<Ladder>,
-}
-
-impl Part {
-    fn new(axis: &Parameters, gap: Gap, length_s: f64, fine_steps: u32, has_effects: bool) -> Self {
-        let fine_s = length_s / f64::from(fine_steps);
-        Self {
-            whole: StepMaps::new(axis, length_s),
-            half: (has_effects && fine_steps > 1)
-                .then(|| StepMaps::new(axis, fine_s * f64::from(fine_steps / 2))),
-            fine: StepMaps::new(axis, fine_s),
-            fine_steps,
-            with_gap: (!gap.is_none()).then(|| Ladder::new(axis, fine_s)),
-        }
-    }
-
-    /// The longest step at a pace, in fine ones; none where they are to be fine.
-    #[inline(always)]
-    fn stride(&self, pace: Pace) -> (&StepMaps, u32) {
-        match (pace, &self.half) {
-            (Pace::Slow, _) => (&self.whole, self.fine_steps),
-            (Pace::Even, Some(half)) => (half, self.fine_steps / 2),
-            (Pace::Even, None) | (Pace::Fast, _) => (&self.fine, 0),
-        }
-    }
-}
-
-/// What moves: state and the constants that decide between sticking and sliding.
-#[derive(Clone, Debug)]
-struct Body {
-    law: Law,
-    stiffness_n_per_m: f64,
-    damping_n_s_per_m: f64,
-    motion: Motion,
-    /// -1 or +1 while the table slides, 0 while it sticks.
-    slide: f64,
-    gap: Gap,
-    /// Where on the machine the plant's zero is, m.
-    origin_m: f64,
-    remembered: Remembered,
 }
 
 /// One axis in motion.
@@ -221,6 +172,11 @@ impl Plant {
         let acting = Acting::new(axis);
         let has_effects = acting.is_some();
         let axis = &acting.as_ref().map_or(*axis, |acting| acting.prepared(axis));
+        let filter = DriveFilter::new(&axis.actuator, late_by_s, tick);
+        let part = |length_s: f64| {
+            let pieces = filter.pieces() as u32;
+            Part::new(axis, gap, length_s / f64::from(pieces), fine_steps.div_ceil(pieces), has_effects)
+        };
         Self {
             tick,
             fine_steps,
@@ -228,9 +184,9 @@ impl Plant {
             peak_a: axis.actuator.peak_current.as_a(),
             pending_n: [0.0; DEAD_TICKS_MAX + 1],
             dead_ticks,
-            filter: DriveFilter::new(&axis.actuator, late_by_s, tick),
-            early: (late_by_s > 0.0).then(|| Part::new(axis, gap, late_by_s, fine_steps, has_effects)),
-            late: Part::new(axis, gap, tick.as_s() - late_by_s, fine_steps, has_effects),
+            filter,
+            early: (late_by_s > 0.0).then(|| part(late_by_s)),
+            late: part(tick.as_s() - late_by_s),
             body: Body {
                 law: Law::new(axis.friction),
                 stiffness_n_per_m: axis.mechanics.stiffness_n_per_m,
@@ -290,9 +246,10 @@ impl Plant {
         self.pending_n[0] = held_a * self.force_per_current;
         let Self { early, late, body, acting, pending_n, dead_ticks, filter, .. } = self;
         let commands_n = filter.passed([pending_n[*dead_ticks + 1], pending_n[*dead_ticks]]);
+        let (parts, pieces) = ((early.as_ref(), &*late), filter.pieces());
         match acting {
-            None => body.tick(early.as_ref(), late, commands_n, &Bare),
-            Some(acting) => body.tick_with_effects(early.as_ref(), late, commands_n, acting),
+            None => body.tick(parts, &commands_n, pieces, &Bare),
+            Some(acting) => body.tick_with_effects(parts, &commands_n, pieces, acting),
         }
         held_a != command.as_a()
     }
@@ -329,72 +286,6 @@ pub fn steady_force(axis: &Parameters, velocity: Velocity, place: Position) -> F
     match Acting::new(axis) {
         None => law.sliding(velocity),
         Some(acting) => acting.steady_force(&law, velocity, place),
-    }
-}
-
-impl Body {
-    #[inline(always)]
-    fn tick<S: Stepping>(&mut self, early: Option<&Part>, late: &Part, commands_n: [f64; 2], stepping: &S) {
-        if let Some(early) = early {
-            self.advance(early, commands_n[0], stepping);
-        }
-        self.advance(late, commands_n[1], stepping);
-    }
-
-    // Out of the way of the axes that have none.
-    #[cold]
-    #[inline(never)]
-    fn tick_with_effects(
-        &mut self,
-        early: Option<&Part>,
-        late: &Part,
-        commands_n: [f64; 2],
-        acting: &Acting,
-    ) {
-        self.tick(early, late, commands_n, acting);
-    }
-
-    fn advance<S: Stepping>(&mut self, part: &Part, command_n: f64, stepping: &S) {
-        if let Some(ladder) = &part.with_gap {
-            return self.advance_with_gap(part, ladder, command_n, stepping);
-        }
-        let mut done = 0;
-        let (maps, length) = part.stride(stepping.pace(self));
-        // A step within which it would slow down into the fall of its friction, reverse or break away is taken again in
-        // fine ones.
-        while length > 0 && done + length <= part.fine_steps && stepping.span(self, maps, command_n) {
-            done += length;
-        }
-        for _ in done..part.fine_steps {
-            if stepping.moved(self, &part.fine, command_n) {
-                stepping.break_away(self, &part.fine, self.motion[0], self.pull_n(&self.motion));
-            }
-        }
-    }
-
-    /// Whether the table slides fast enough for long steps.
-    fn is_running(&self) -> bool {
-        self.slide != 0.0 && self.law.has_fallen_at(self.table_speed())
-    }
-
-    /// After a step of sliding: whether the table has come to stand, which it does where it would turn back.
-    #[inline(always)]
-    fn stands(&mut self) -> bool {
-        if self.motion[2] * self.slide > 0.0 {
-            return false;
-        }
-        self.slide = 0.0;
-        self.motion[2] = 0.0;
-        true
-    }
-
-    fn table_speed(&self) -> f64 {
-        self.motion[2].abs()
-    }
-
-    /// Force of the screw on a table at rest, N.
-    fn pull_n(&self, motion: &Motion) -> f64 {
-        self.stiffness_n_per_m * motion[0] + self.damping_n_s_per_m * motion[1]
     }
 }
 

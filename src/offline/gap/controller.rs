@@ -90,11 +90,8 @@ pub struct Match {
 /// Rms of the current but what was asked for so many ticks before, as a share of the rms of the current.
 fn left_share(run: &Run, axis: &AxisRun, asked_a: &[f64], late: usize) -> f64 {
     let first = ((SETTLE_S / run.period_s) as usize).min(run.len()).max(late);
-    let off: Vec<f64> = axis.current_a[first..]
-        .iter()
-        .zip(&asked_a[first - late..])
-        .map(|(is, asked)| is - asked)
-        .collect();
+    let off: Vec<f64> =
+        axis.current_a[first..].iter().zip(&asked_a[first - late..]).map(|(is, asked)| is - asked).collect();
     let mean = off.iter().sum::<f64>() / off.len().max(1) as f64;
     let (mut left, mut whole) = (0.0, 0.0);
     for ((off, is), is_sound) in off.iter().zip(&axis.current_a[first..]).zip(&run.is_sound[first..]) {

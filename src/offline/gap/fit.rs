@@ -238,7 +238,8 @@ fn moved(model: &Model, at: &[f64], mut curvature: DMatrix<f64>, slope: &DVector
         let share = if largest > FURTHEST { FURTHEST / largest } else { 1.0 };
         let tried: Vec<f64> = at.iter().zip(step.iter()).map(|(at, step)| at - share * step).collect();
         let other = model.at(&tried);
-        let is_held = |place: &usize| other.coordinates()[*place] == at[*place] && tried[*place] != at[*place];
+        let is_held =
+            |place: &usize| other.coordinates()[*place] == at[*place] && tried[*place] != at[*place];
         let held: Vec<usize> = (0..at.len()).filter(is_held).collect();
         if held.is_empty() {
             return Some(other);

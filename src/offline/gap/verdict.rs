@@ -166,7 +166,8 @@ fn blocks_of_power(problem: &Problem<'_>, models: [&Model; 2]) -> Vec<[f64; 2]> 
             })
             .collect();
         for from in (0..rows.len()).step_by(length) {
-            let counting: Vec<usize> = (from..rows.len().min(from + length)).filter(|row| rows[*row]).collect();
+            let counting: Vec<usize> =
+                (from..rows.len().min(from + length)).filter(|row| rows[*row]).collect();
             if counting.is_empty() {
                 continue;
             }

@@ -16,9 +16,9 @@
 //! Invariant: the flank is a function of the state alone, so the force takes energy or stores it, and
 //! never gives more than was stored.
 
+use super::super::body::{Body, Part};
 use super::super::maps::{Motion, StepMaps};
 use super::super::params::{Mechanics, Parameters};
-use super::super::{Body, Part};
 use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
 use super::hooks::Action;
 use super::step::Stepping;

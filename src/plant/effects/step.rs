@@ -5,7 +5,7 @@
 //! pass the current loop. What effects remember is advanced over the corrected step.
 //! Invariant: with effects that do nothing, a step is that of the base model, to the bit.
 
-use super::super::Body;
+use super::super::body::Body;
 use super::super::maps::{Map, Motion, StepMaps};
 use super::acting::{Acting, Remembered};
 use super::hooks::{Instant, Pace};
