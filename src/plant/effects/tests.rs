@@ -7,7 +7,7 @@ use std::sync::Arc;
 use super::acting::Acting;
 use super::*;
 use crate::base::time::Span;
-use crate::base::units::{Current, Position, Velocity};
+use crate::base::units::{Current, Force as Newtons, Position, Velocity};
 use crate::plant::tests::paper_axis;
 use crate::plant::{Parameters, Plant};
 
@@ -187,6 +187,30 @@ fn steady(axis: &Parameters, mm_per_s: f64, from_mm: f64) -> [f64; 3] {
     let state = plant.state();
     let table_m = 1e-3 * from_mm + state.table_position.as_m();
     [state.current.as_a(), (state.motor_position - state.table_position).as_um(), table_m]
+}
+
+#[test]
+fn the_next_axis_pushes_the_table_with_its_share() {
+    let entry = entry("cross-coupling-push").expect("an effect");
+    let axis = paper_axis().with_effect(entry, [2.0, 0.0, 0.0]);
+    // Gained in 20 ms under the current that keeps the speed, where the next axis pulls with so much.
+    let gained_m_per_s = |force_n: f64| {
+        let mut plant = Plant::sliding(&axis, TICK, Velocity::mm_per_s(10.0), Position::ZERO);
+        let current = plant.state().current;
+        let next = Neighbour { table: Position::ZERO, force: Newtons::n(force_n) };
+        for _ in 0..40 {
+            assert_eq!(plant.crossed(&next), Position::ZERO);
+            plant.step(current);
+        }
+        plant.state().table_velocity.as_m_per_s() - 0.01
+    };
+    let mass_kg = axis.mechanics.mass_kg + axis.mechanics.motor_mass_kg();
+    let expected = 0.02 * 1000.0 * 0.02 / mass_kg;
+    for (force_n, expected) in [(1000.0, expected), (-1000.0, -expected), (0.0, 0.0)] {
+        let gained = gained_m_per_s(force_n);
+        // The screw still swings by its deflection.
+        assert!((gained - expected).abs() < 0.1 * expected.abs() + 1e-9, "{gained}, expected {expected}");
+    }
 }
 
 #[test]
