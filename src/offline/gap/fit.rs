@@ -290,3 +290,61 @@ impl Fitted {
         tried.entry.parameters.iter().zip(&tried.values).enumerate().map(of).collect()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::model::Tried;
+    use super::*;
+    use crate::plant::effects::entry;
+    use crate::plant::tests::paper_axis;
+
+    const MASS: usize = 0;
+
+    /// Where the current loop stands among the coordinates.
+    fn current_loop() -> usize {
+        BASE.iter().position(|base| base.name == "current_loop").expect("a parameter")
+    }
+
+    /// An axis whose current loop is as slow as it may be.
+    fn slow() -> Model {
+        let model = Model::new(paper_axis());
+        let mut at = model.coordinates();
+        at[current_loop()] = -6.0;
+        let slow = model.at(&at);
+        assert!(slow.base[current_loop()] > -2.0, "the data sheet is worth something");
+        slow
+    }
+
+    #[test]
+    fn what_an_end_holds_back_is_left_there_and_the_rest_goes_on_without_it() {
+        let model = slow();
+        let at = model.coordinates();
+        let mut curvature = DMatrix::identity(at.len(), at.len());
+        curvature[(MASS, current_loop())] = 0.9;
+        curvature[(current_loop(), MASS)] = 0.9;
+        // Slower still, and lighter.
+        let mut slope = DVector::zeros(at.len());
+        slope[MASS] = 0.3;
+        slope[current_loop()] = 0.5;
+        let to = moved(&model, &at, curvature, &slope).expect("a step").coordinates();
+        assert_eq!(to[current_loop()], at[current_loop()]);
+        assert!((to[MASS] - (at[MASS] - 0.3)).abs() < 1e-12, "{}", to[MASS]);
+    }
+
+    #[test]
+    fn an_amplitude_is_sure_where_the_base_could_stand_for_it_no_further() {
+        let lag = Tried { entry: entry("current-loop-lag").expect("an effect"), values: [800.0, 0.0, 0.0] };
+        let model = slow().with(lag);
+        let place = model.first_coordinate(0);
+        let fitted = |other: usize| {
+            let mut covariance = DMatrix::identity(model.coordinate_count(), model.coordinate_count());
+            // Less of the other stands for the lag, but for a hundredth.
+            for (row, column) in [(place, other), (other, place)] {
+                covariance[(row, column)] = 0.9999;
+            }
+            Fitted { model: model.clone(), cost: 0.0, total: 0.0, covariance }
+        };
+        assert!(fitted(current_loop()).is_surely_not_zero(place, 4.0));
+        assert!(!fitted(MASS).is_surely_not_zero(place, 4.0));
+    }
+}

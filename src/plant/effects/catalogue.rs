@@ -332,3 +332,27 @@ impl fmt::Debug for Effects {
         out.debug_map().entries(self.present().map(|(entry, values)| (entry.name, values))).finish()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_small_step_of_what_swings_leaves_it_in_step() {
+        // Periods in a session, a travel in turns, a travel.
+        type Periods = fn(f64) -> f64;
+        let cases: [(&str, usize, f64, Periods); 4] = [
+            ("torque-disturbance", 1, 49.0, |hz| 100.0 * hz),
+            ("motor-cogging", 1, 24.0, |per_turn| 10.0 * per_turn),
+            ("encoder-interpolation", 1, 4.9, |period_um| 1e5 / period_um),
+            ("pitch-error", 1, 10.0, |period_mm| 1e2 / period_mm),
+        ];
+        for (name, place, value, periods) in cases {
+            let parameter = entry(name).expect("an effect").parameters[place];
+            let moved = (periods(value + parameter.small_step(value)) - periods(value)).abs();
+            assert!((0.02..=0.03 + 1e-9).contains(&moved), "{name}: {moved} of a period");
+        }
+        let mass = entry("resonance").expect("an effect").parameters[0];
+        assert!(mass.small_step(10.0).is_infinite());
+    }
+}
