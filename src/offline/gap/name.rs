@@ -34,8 +34,8 @@ const EFFECTS_MAX: usize = 4;
 /// Iterations of coarse fits: of the base, and of a candidate with it, and those first few.
 const ITERATIONS: [usize; 2] = [12, 6];
 const FEW: usize = 2;
-/// Share of what was left that is so little that a candidate is fitted on with derivatives of its own.
-const FAR: f64 = 0.8;
+/// What leaves less than this share of what was left is fitted to the bottom.
+const FAR: f64 = 0.95;
 /// Fall of the information criterion that a candidate must bring on the fitted rows, beyond what the number of candidates
 /// explains.
 const FALL: f64 = 10.0;
@@ -203,7 +203,11 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
         let all: f64 = weights.iter().sum();
         let class = class.into_iter().zip(weights.iter().map(|weight| weight / all)).collect();
         progress(&format!("{}: is it needed?", best.name()));
-        model = refitted(problem, &once, &best.fitted.model, start);
+        model = if is_far(&best.fitted, &model) {
+            best.fitted.clone()
+        } else {
+            refitted(problem, &once, &best.fitted.model, start)
+        };
         blocks = Blocks::new(problem, &model.model);
         effects.push(NamedEffect { name: best.name(), class, runner_up });
         // On its way to the effect the base may have left a valley in which the fit without it was held up: what is
@@ -293,6 +297,11 @@ fn coarsely(problem: &Problem<'_>, once: &Problem<'_>, start: &Model) -> Fitted 
     fit(problem, &from_both(problem, once, start, start), Effort::Coarse(ITERATIONS[0]), None)
 }
 
+/// Whether a model explains so much of what another leaves that it is fitted to the bottom before it is judged.
+fn is_far(fitted: &Fitted, without: &Fitted) -> bool {
+    fitted.total < FAR * without.total
+}
+
 fn better<'a>(problem: &Problem<'_>, one: &'a Model, other: &'a Model) -> &'a Model {
     let total = |model: &Model| cost_of(problem, model, Part::Fit) + believed(model);
     if total(other) < total(one) { other } else { one }
@@ -357,9 +366,8 @@ fn tried(
     let one = |promising: &Model| {
         let mut fitted = fit(problem, promising, Effort::Coarse(ITERATIONS[1]), Some(here));
         // What explains much leads far from where those derivatives hold.
-        if fitted.total < FAR * without.total {
-            let model = from_both(problem, once, &fitted.model, start);
-            fitted = fit(problem, &model, Effort::Coarse(ITERATIONS[1]), None);
+        if is_far(&fitted, without) {
+            fitted = refitted(problem, once, &fitted.model, start);
         }
         let blocks = Blocks::new(problem, &fitted.model);
         let held = blocks.cost();

@@ -192,26 +192,32 @@ impl Sums {
         }
         let shares = held.cholesky()?.solve(&left);
         let mut tried = values;
-        let [low, high] = entry.parameters[0].bounds;
+        let mut wanted = values;
         match phase_of(entry) {
             Some(place) => {
                 let (cosine, sine) = (shares[0], shares[1]);
-                tried[0] = (values[0] * cosine.hypot(sine)).clamp(low, high);
+                wanted[0] = values[0] * cosine.hypot(sine);
                 tried[place] = sine.atan2(cosine) / TAU * 360.0;
             }
             // What may be positive alone and wants to be negative is not there.
             None => {
                 for place in entry.amplitudes() {
-                    let [low, high] = entry.parameters[place].bounds;
-                    tried[place] = (values[place] * shares[0]).clamp(low, high);
+                    wanted[place] = values[place] * shares[0];
                 }
             }
         }
-        let gain = shares.dot(&left);
+        // As much of it as there may be, and what that gains: least of a parabola.
+        let mut part = 1.0_f64;
+        for place in entry.amplitudes().filter(|place| wanted[*place] != 0.0) {
+            let [low, high] = entry.parameters[place].bounds;
+            tried[place] = wanted[place].clamp(low, high);
+            part = part.min(tried[place] / wanted[place]);
+        }
+        let gain = part * (2.0 - part) * shares.dot(&left);
         if !entry.is_present(&tried) || gain <= 0.0 {
             return None;
         }
-        let moved = curvature.solve(&(-slope - self.crossed.transpose() * &shares));
+        let moved = curvature.solve(&(-slope - self.crossed.transpose() * (part * &shares)));
         let largest = moved.amax();
         let share = if largest > FURTHEST { FURTHEST / largest } else { 1.0 };
         let at: Vec<f64> =
