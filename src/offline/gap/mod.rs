@@ -10,7 +10,7 @@
 //! [`intake`] looks at data, and [`logged`] at logs, before they are believed as [`runs`]; [`floor`] finds the noise in
 //! [`repeats`]; [`forward`] runs the machine file from the command alone and [`controller`] its loops alone; [`fit`] fits a
 //! [`model`] in closed loop to a [`problem`], by its derivatives ([`linear`]); [`locate`] tells where the gap lives;
-//! [`shortlist`] and [`mod@name`] find the effects, [`verdict`] says it in a word; [`write_back`] adds them to the machine file. [`demo`] is a machine
+//! [`shortlist`] and [`mod@name`] find the effects, which have to pass the [`gates`], [`verdict`] says it in a word; [`write_back`] adds them to the machine file. [`demo`] is a machine
 //! to show it on.
 //! Invariant: what is named was better on rows that no model had seen, and what cannot be told apart is named together.
 
@@ -21,6 +21,7 @@ pub mod demo;
 pub mod fit;
 pub mod floor;
 pub mod forward;
+pub mod gates;
 mod grid;
 mod held;
 pub mod intake;
@@ -31,6 +32,7 @@ pub mod model;
 pub mod name;
 pub mod plan;
 pub mod problem;
+mod refit;
 pub mod repeats;
 pub mod runs;
 pub mod shortlist;

@@ -1,0 +1,144 @@
+//! What a candidate has to pass before its effect is named.
+//!
+//! Fits are judged by rows that they have not seen. Costs are divided by what the best model still leaves per row, so
+//! that a model that is wrong elsewhere makes nothing significant.
+//! Invariant: a function of fits and rows alone; the same candidate passes the same gates.
+
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::blocks::Blocks;
+use super::fit::{Effort, Fitted, fit};
+use super::linear::Linear;
+use super::model::Model;
+use super::problem::Problem;
+use super::refit::{ITERATIONS, is_far, refitted, scale};
+use crate::plant::effects::{CATALOGUE, Parameter};
+
+/// Fall of the information criterion that a candidate must bring on the fitted rows, beyond what the number of candidates
+/// explains.
+pub(super) const FALL: f64 = 10.0;
+/// Fall of the cost on the rows that were not fitted, and the share of what is left there: little, for somebody may have
+/// leaned on the table in one of those runs.
+pub(super) const HELD_FALL: f64 = 25.0;
+const HELD_SHARE: f64 = 0.02;
+/// Cost per row that is plainly more than noise, which is 1.
+const PLAIN: f64 = 1.1;
+/// An amplitude must be so many of its standard deviations.
+const SURE: f64 = 4.0;
+/// A number that is as far from a whole one as its uncertainty allows, and within these, may be whole.
+const WHOLE: [f64; 2] = [0.04, 0.15];
+
+/// A candidate that was fitted.
+#[derive(Clone, Debug)]
+pub struct Candidate {
+    /// Base and effects with it.
+    pub fitted: Fitted,
+    /// Cost on the rows that were not fitted.
+    pub held: f64,
+    /// By how much it is better than the model without it, both parts, in units of one row's variance.
+    pub evidence: f64,
+    /// The gates it did not pass.
+    pub failed: Vec<Gate>,
+}
+
+impl Candidate {
+    /// Name of the effect that it adds, whichever law of it.
+    pub fn name(&self) -> &'static str {
+        self.fitted.model.effects.last().map_or("", |tried| tried.entry.effect())
+    }
+}
+
+/// What a candidate has to pass.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Gate {
+    /// Better on the fitted rows than its parameters explain.
+    Fit,
+    /// Better on rows it has not seen.
+    Held,
+    /// Better there whichever of them are drawn.
+    Blocks,
+    /// An amplitude that is sure not to be zero.
+    Amplitude,
+    /// Values that the data chose and not the bounds.
+    Bounds,
+    /// Whole numbers where machines have no others.
+    Whole,
+    /// Worse again without it, all else fitted from where it stands with it.
+    Needed,
+    /// Little left of what there was.
+    Explains,
+}
+
+/// Whether the rows that judge say nothing of an effect: on the others it makes plainly more than noise into noise, and
+/// there it makes nothing surely worse. Circles tell little of what the force of the screw does to friction.
+pub(super) fn does_not_show_where_judged(
+    without: &Fitted,
+    with: &Fitted,
+    held: [&Blocks; 2],
+    rows: [usize; 2],
+) -> bool {
+    let per_row = |fitted: &Fitted| fitted.cost / rows[0].max(1) as f64;
+    per_row(without) > PLAIN && per_row(with) < 1.0 && !held[1].is_surely_worse_than(held[0])
+}
+
+/// Models with an effect more, fitted to all rows and put to every gate but the last.
+pub(super) fn tried(
+    problem: &Problem<'_>,
+    here: &Linear,
+    without: &Fitted,
+    blocks_without: &Blocks,
+    promising: &[Model],
+    (once, start): (&Problem<'_>, &Model),
+    rows: [usize; 2],
+) -> Vec<Candidate> {
+    let without_held = blocks_without.cost();
+    let one = |promising: &Model| {
+        let mut fitted = fit(problem, promising, Effort::Coarse(ITERATIONS[1]), Some(here));
+        // What explains much leads far from where those derivatives hold.
+        if is_far(&fitted, without) {
+            fitted = refitted(problem, once, &fitted.model, start);
+        }
+        let blocks = Blocks::new(problem, &fitted.model);
+        let held = blocks.cost();
+        let added = fitted.model.effects.len() - 1;
+        let entry = fitted.model.effects[added].entry;
+        let parameters = entry.parameters.len();
+        let scale = scale(fitted.cost, rows[0]);
+        let held_scale = self::scale(held, rows[1]);
+        let fall = (without.total - fitted.total) / scale - parameters as f64 * (rows[0] as f64).ln();
+        let held_fall = (without_held - held) / held_scale;
+        // Pure noise costs 1 per row.
+        let left = without_held - rows[1] as f64;
+        let mut failed = Vec::new();
+        if fall <= FALL + 2.0 * (CATALOGUE.len() as f64).ln() {
+            failed.push(Gate::Fit);
+        }
+        let is_hidden = does_not_show_where_judged(without, &fitted, [blocks_without, &blocks], rows);
+        if !is_hidden && (held_fall <= HELD_FALL || (without_held - held) < HELD_SHARE * left) {
+            failed.push(Gate::Held);
+        }
+        if !is_hidden && !blocks_without.is_surely_worse_than(&blocks) {
+            failed.push(Gate::Blocks);
+        }
+        let place = fitted.model.first_coordinate(added);
+        if !entry.amplitudes().any(|amplitude| fitted.is_surely_not_zero(place + amplitude, SURE)) {
+            failed.push(Gate::Amplitude);
+        }
+        if fitted.model.is_at_bound(added) {
+            failed.push(Gate::Bounds);
+        }
+        let is_whole = |(of, parameter): (usize, &Parameter)| {
+            let value = fitted.model.effects[added].values[of];
+            let sigma = fitted.covariance[(place + of, place + of)].sqrt() * parameter.prior;
+            let reach = (SURE * sigma).clamp(WHOLE[0], WHOLE[1]);
+            !parameter.is_whole || (value - value.round()).abs() <= reach
+        };
+        if !entry.parameters.iter().enumerate().all(is_whole) {
+            failed.push(Gate::Whole);
+        }
+        Candidate { evidence: fall + held_fall, fitted, held, failed }
+    };
+    promising.par_iter().map(one).collect()
+}

@@ -1,0 +1,49 @@
+//! A model fitted again: from more than one start, coarsely or to the bottom.
+//!
+//! Invariant: of two ends the deeper one is kept.
+
+use super::fit::{Effort, Fitted, LEAST_PER_ROW, believed, fit};
+use super::linear::cost_of;
+use super::model::Model;
+use super::problem::{Part, Problem};
+
+/// Iterations of coarse fits: of the base, and of a candidate with it.
+pub(super) const ITERATIONS: [usize; 2] = [12, 6];
+/// What leaves less than this share of what was left is fitted to the bottom.
+const FAR: f64 = 0.95;
+
+/// A model fitted to the bottom.
+pub(super) fn refitted(problem: &Problem<'_>, once: &Problem<'_>, model: &Model, start: &Model) -> Fitted {
+    fit(problem, &from_both(problem, once, model, start), Effort::Fine, None)
+}
+
+/// A model fitted coarsely, from where it stands and from where sums of rows lead from the base of the file: the base that
+/// was fitted otherwise may stand in a valley of its own.
+fn from_both(problem: &Problem<'_>, once: &Problem<'_>, model: &Model, start: &Model) -> Model {
+    let of_file = Model { base: start.base, ..model.clone() };
+    let coarsely =
+        |once: &Problem<'_>, model: &Model| fit(once, model, Effort::Coarse(ITERATIONS[0]), None).model;
+    let (one, other) =
+        rayon::join(|| coarsely(once, model), || coarsely(once, &coarsely(&once.smooth(), &of_file)));
+    better(problem, &one, &other).clone()
+}
+
+/// The base fitted coarsely.
+pub(super) fn coarsely(problem: &Problem<'_>, once: &Problem<'_>, start: &Model) -> Fitted {
+    fit(problem, &from_both(problem, once, start, start), Effort::Coarse(ITERATIONS[0]), None)
+}
+
+/// Whether a model explains so much of what another leaves that it is fitted to the bottom before it is judged.
+pub(super) fn is_far(fitted: &Fitted, without: &Fitted) -> bool {
+    fitted.total < FAR * without.total
+}
+
+fn better<'a>(problem: &Problem<'_>, one: &'a Model, other: &'a Model) -> &'a Model {
+    let total = |model: &Model| cost_of(problem, model, Part::Fit) + believed(model);
+    if total(other) < total(one) { other } else { one }
+}
+
+/// What is left per row.
+pub(super) fn scale(cost: f64, rows: usize) -> f64 {
+    (cost / rows.max(1) as f64).max(LEAST_PER_ROW)
+}
