@@ -33,6 +33,12 @@ impl Blocks {
         Self(blocks)
     }
 
+    /// Of known costs.
+    #[cfg(test)]
+    pub(super) const fn of(costs: Vec<f64>) -> Self {
+        Self(costs)
+    }
+
     pub(super) fn cost(&self) -> f64 {
         self.0.iter().sum()
     }

@@ -142,3 +142,36 @@ pub(super) fn tried(
     };
     promising.par_iter().map(one).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::DMatrix;
+
+    use super::*;
+    use crate::plant::tests::paper_axis;
+
+    #[test]
+    fn rows_that_judge_may_say_nothing_of_what_is_plain_in_the_others_but_not_speak_against_it() {
+        let rows = [100_000, 20_000];
+        let fitted = |per_row: f64| Fitted {
+            model: Model::new(paper_axis()),
+            cost: per_row * rows[0] as f64,
+            total: per_row * rows[0] as f64,
+            covariance: DMatrix::identity(1, 1),
+        };
+        let blocks = |each: f64| Blocks::of(vec![each; 40]);
+        for (without, with, held, says_nothing) in [
+            // As load-dependent friction on circles.
+            (1.13, 0.76, 400.0, true),
+            // It does not make all of it noise, or there was hardly more than noise.
+            (1.5, 1.1, 400.0, false),
+            (1.05, 0.76, 400.0, false),
+            // Surely worse where it is judged.
+            (1.13, 0.76, 410.0, false),
+        ] {
+            let held = [&blocks(400.0), &blocks(held)];
+            let found = does_not_show_where_judged(&fitted(without), &fitted(with), held, rows);
+            assert_eq!(found, says_nothing, "{without} and {with} per row");
+        }
+    }
+}
