@@ -14,9 +14,9 @@ use super::params::Parameters;
 /// A part of the tick with one held command: its maps in one step and in fine steps.
 #[derive(Clone, Debug)]
 pub(super) struct Part {
-    pub(super) whole: StepMaps,
+    whole: StepMaps,
     /// For an axis with effects, whose forces may ask for it.
-    pub(super) half: Option<StepMaps>,
+    half: Option<StepMaps>,
     pub(super) fine: StepMaps,
     pub(super) fine_steps: u32,
     /// Instead of the others, for an axis with play.
@@ -98,7 +98,7 @@ impl Body {
         self.tick(parts, commands_n, pieces, acting);
     }
 
-    pub(super) fn advance<S: Stepping>(&mut self, part: &Part, command_n: f64, stepping: &S) {
+    fn advance<S: Stepping>(&mut self, part: &Part, command_n: f64, stepping: &S) {
         if let Some(ladder) = &part.with_gap {
             return self.advance_with_gap(part, ladder, command_n, stepping);
         }

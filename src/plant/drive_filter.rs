@@ -13,7 +13,7 @@ use super::params::Actuator;
 use crate::base::time::Span;
 
 /// Most pieces of a part of a tick, each with a command of its own.
-pub(super) const PIECES_MAX: usize = 2;
+const PIECES_MAX: usize = 2;
 
 /// Commands of the early and the late part of a tick, N, each in its pieces.
 pub(super) type Commands = [[f64; PIECES_MAX]; 2];

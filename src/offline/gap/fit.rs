@@ -227,19 +227,23 @@ fn stepped(
     None
 }
 
+/// Which share of a step stays where the derivatives hold: more than a few priors leave it.
+pub(super) fn share_that_holds(step: &DVector<f64>) -> f64 {
+    let largest = step.amax();
+    if largest > FURTHEST { FURTHEST / largest } else { 1.0 }
+}
+
 /// The model a step further down. A coordinate that its end holds back is left there, and the others go where they go
 /// without it.
 fn moved(model: &Model, at: &[f64], mut curvature: DMatrix<f64>, slope: &DVector<f64>) -> Option<Model> {
     let mut slope = slope.clone();
     for _ in 0..at.len() {
         let step = curvature.clone().cholesky()?.solve(&slope);
-        // A step of more than a few priors leaves where the derivatives hold.
-        let largest = step.amax();
-        let share = if largest > FURTHEST { FURTHEST / largest } else { 1.0 };
+        let share = share_that_holds(&step);
         let tried: Vec<f64> = at.iter().zip(step.iter()).map(|(at, step)| at - share * step).collect();
         let other = model.at(&tried);
-        let is_held =
-            |place: &usize| other.coordinates()[*place] == at[*place] && tried[*place] != at[*place];
+        let reached = other.coordinates();
+        let is_held = |place: &usize| reached[*place] == at[*place] && tried[*place] != at[*place];
         let held: Vec<usize> = (0..at.len()).filter(is_held).collect();
         if held.is_empty() {
             return Some(other);

@@ -21,10 +21,9 @@ pub(super) fn refitted(problem: &Problem<'_>, once: &Problem<'_>, model: &Model,
 /// was fitted otherwise may stand in a valley of its own.
 fn from_both(problem: &Problem<'_>, once: &Problem<'_>, model: &Model, start: &Model) -> Model {
     let of_file = Model { base: start.base, ..model.clone() };
-    let coarsely =
+    let ended =
         |once: &Problem<'_>, model: &Model| fit(once, model, Effort::Coarse(ITERATIONS[0]), None).model;
-    let (one, other) =
-        rayon::join(|| coarsely(once, model), || coarsely(once, &coarsely(&once.smooth(), &of_file)));
+    let (one, other) = rayon::join(|| ended(once, model), || ended(once, &ended(&once.smooth(), &of_file)));
     better(problem, &one, &other).clone()
 }
 

@@ -16,6 +16,7 @@ use std::f64::consts::TAU;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 
+use super::fit::share_that_holds;
 use super::linear::{K, Linear, LinearRun, weight};
 use super::model::{Model, Tried};
 use super::problem::{Part, Problem, Residual};
@@ -23,8 +24,6 @@ use crate::plant::effects::{CATALOGUE, Entry, Values};
 
 /// Share of its usual size at which an effect is tried.
 const SHARE: f64 = 0.5;
-/// The linear estimate moves no coordinate further than this.
-const FURTHEST: f64 = 1.5;
 
 /// An effect that may be there.
 #[derive(Clone, Debug)]
@@ -218,8 +217,7 @@ impl Sums {
             return None;
         }
         let moved = curvature.solve(&(-slope - self.crossed.transpose() * (part * &shares)));
-        let largest = moved.amax();
-        let share = if largest > FURTHEST { FURTHEST / largest } else { 1.0 };
+        let share = share_that_holds(&moved);
         let at: Vec<f64> =
             model.coordinates().iter().zip(moved.iter()).map(|(at, by)| at + share * by).collect();
         let tried = Tried { entry, values: tried };
