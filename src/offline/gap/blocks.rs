@@ -5,7 +5,7 @@
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-use super::linear::{BLOCK_S, residuals, rho};
+use super::linear::{BLOCK_S, Loss, residuals};
 use super::model::Model;
 use super::problem::{Part, Problem};
 
@@ -25,7 +25,7 @@ impl Blocks {
             let rows = residual.iter().map(Vec::len).max().unwrap_or(0);
             for from in (0..rows).step_by(length) {
                 let of = |signal: &Vec<f64>| {
-                    signal.iter().skip(from).take(length).map(|value| rho(*value)).sum::<f64>()
+                    signal.iter().skip(from).take(length).map(|value| Loss::LAST.of(*value)).sum::<f64>()
                 };
                 blocks.push(residual.iter().map(of).sum());
             }

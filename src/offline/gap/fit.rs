@@ -2,20 +2,20 @@
 //! residuals, with what is believed of each coordinate beforehand.
 //!
 //! ```text
-//!   minimise  Σ ρ(residual) + Σ ((coordinate - expected) / sureness)²      ρ of Huber: a square up to K, straight beyond
+//!   minimise  Σ ρ(residual) + Σ ((coordinate - expected) / sureness)²      ρ a square up to a knee, bounded beyond
 //! ```
 //!
 //! A candidate is fitted beside a model that was fitted before with the derivatives that are known of that one: only
 //! its own are computed anew, and what is left always is.
 //!
-//! The landscape is rough: where a model lands on another branch of stick and slip, the cost jumps. So a fine fit begins
-//! with sums of rows, which such events change little, and where it ends it looks along its valley for a deeper place.
+//! The landscape is rough: where a model lands on another branch of stick and slip, the cost jumps. So the knee begins
+//! where the residual is and comes nearer, and where a fine fit ends it looks along its valley for a deeper place.
 //! Invariant: a fit never ends worse than it began.
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::linear::{BLOCK_S, K, Linear, Normal, Steps, cost, cost_of, residuals};
+use super::linear::{BLOCK_S, K, Linear, Loss, Normal, Steps, residuals};
 use super::model::{BASE, Model};
 use super::problem::{Part, Problem, Residual};
 use crate::plant::effects::Parameter;
@@ -27,7 +27,7 @@ const FURTHEST: f64 = 1.5;
 /// Most steps with the same derivatives, and the share of what the first gained that makes another one worth it.
 const PASSES: usize = 6;
 const WORTH: f64 = 0.1;
-/// By how much the knee of `ρ` comes nearer with each iteration of a fine fit.
+/// By how much the knee of `ρ` comes nearer with each iteration.
 const NEARER: f64 = 3.0;
 /// A coarse fit ends with an iteration that gains less than this share of the cost, a fine one with half a unit of
 /// the logarithm of probability: the cost has two.
@@ -71,15 +71,6 @@ pub fn believed(model: &Model) -> f64 {
 
 /// The model fitted from where it stands; with the derivatives of `known` for the coordinates that it has.
 pub fn fit(problem: &Problem<'_>, start: &Model, effort: Effort, known: Option<&Linear>) -> Fitted {
-    if effort != Effort::Fine {
-        return descended(problem, start, effort, known);
-    }
-    let smooth = descended(&problem.first_passes().smooth(), start, effort, None);
-    let is_better = cost_of(problem, &smooth.model, Part::Fit) < cost_of(problem, start, Part::Fit);
-    descended(problem, if is_better { &smooth.model } else { start }, effort, known)
-}
-
-fn descended(problem: &Problem<'_>, start: &Model, effort: Effort, known: Option<&Linear>) -> Fitted {
     let block = problem.rows_in(BLOCK_S);
     let rows = problem.count(Part::Fit).max(1) as f64;
     let iterations = match effort {
@@ -91,20 +82,22 @@ fn descended(problem: &Problem<'_>, start: &Model, effort: Effort, known: Option
     let mut steps = Steps::widest(&model);
     let mut left = residuals(problem, &model, Part::Fit);
     let half_a_unit = |total: f64| ENOUGH.1 * (total / rows).max(LEAST_PER_ROW);
-    // Far from the minimum all rows are far off: they count by their square until they are near.
+    // Far from the minimum all rows are far off: they count by their square until they are near. Sums of rows only lead
+    // the way, so all of them count.
     let is_smooth = problem.summed > 1;
-    let mut knee = if is_smooth { K * (sum(&left, K) / rows / (2.0 * K)).max(1.0) } else { K };
+    let mut knee = K * (sum(&left, Loss::straight(K)) / rows / (2.0 * K)).max(1.0);
     let mut covariance = DMatrix::zeros(model.coordinate_count(), model.coordinate_count());
     let mut kicked = 0;
     for _ in 0..iterations {
-        let mut total = sum(&left, knee) + believed(&model);
+        let loss = if is_smooth { Loss::straight(knee) } else { Loss::bounded(knee) };
+        let mut total = sum(&left, loss) + believed(&model);
         let mut linear = Linear::new(problem, &model, left, known, &steps);
         let before = total;
         let mut first_gain = 0.0;
         let mut was_fine = false;
         // Derivatives cost the most: they serve for as long as they gain.
         for pass in 0..PASSES {
-            let equations = linear.normal(block, knee).with_beliefs(&model);
+            let equations = linear.normal(block, loss).with_beliefs(&model);
             if pass == 0 {
                 if let Some(found) = equations.covariance() {
                     covariance = found;
@@ -115,7 +108,7 @@ fn descended(problem: &Problem<'_>, start: &Model, effort: Effort, known: Option
                 }
             }
             let Some((other, other_left, other_total)) =
-                stepped(problem, &model, &equations, total, knee, &mut damping)
+                stepped(problem, &model, &equations, total, loss, &mut damping)
             else {
                 break;
             };
@@ -157,7 +150,7 @@ fn descended(problem: &Problem<'_>, start: &Model, effort: Effort, known: Option
             damping = DAMPING.0;
         }
     }
-    let cost = sum(&left, K);
+    let cost = sum(&left, Loss::LAST);
     let total = cost + believed(&model);
     Fitted { model, cost, total, covariance }
 }
@@ -177,14 +170,14 @@ fn kicks(model: &Model, covariance: &DMatrix<f64>) -> Vec<Model> {
 }
 
 /// What a model leaves of all runs, and the total.
-fn left_by(problem: &Problem<'_>, model: &Model, knee: f64) -> (Vec<Residual>, f64) {
+fn left_by(problem: &Problem<'_>, model: &Model, loss: Loss) -> (Vec<Residual>, f64) {
     let left = residuals(problem, model, Part::Fit);
-    let total = sum(&left, knee) + believed(model);
+    let total = sum(&left, loss) + believed(model);
     (left, total)
 }
 
-fn sum(left: &[Residual], knee: f64) -> f64 {
-    left.iter().map(|run| cost(run, knee)).sum()
+fn sum(left: &[Residual], loss: Loss) -> f64 {
+    left.iter().map(|run| loss.sum(run)).sum()
 }
 
 /// That of some models which leaves the least of the first passes, with what it leaves of all rows and the total.
@@ -193,9 +186,9 @@ fn best_of(problem: &Problem<'_>, models: &[Model]) -> Option<(Model, Vec<Residu
         return None;
     }
     let once = problem.first_passes();
-    let totals: Vec<f64> = models.par_iter().map(|model| left_by(&once, model, K).1).collect();
+    let totals: Vec<f64> = models.par_iter().map(|model| left_by(&once, model, Loss::LAST).1).collect();
     let best = (0..models.len()).min_by(|a, b| totals[*a].total_cmp(&totals[*b]))?;
-    let (left, total) = left_by(problem, &models[best], K);
+    let (left, total) = left_by(problem, &models[best], Loss::LAST);
     Some((models[best].clone(), left, total))
 }
 
@@ -205,7 +198,7 @@ fn stepped(
     model: &Model,
     equations: &Normal,
     total: f64,
-    knee: f64,
+    loss: Loss,
     damping: &mut f64,
 ) -> Option<(Model, Vec<Residual>, f64)> {
     let at = model.coordinates();
@@ -216,7 +209,7 @@ fn stepped(
             damped[(place, place)] += *damping * damped[(place, place)].max(1e-12);
         }
         if let Some(other) = moved(model, &at, damped, &equations.slope) {
-            let (left, other_total) = left_by(problem, &other, knee);
+            let (left, other_total) = left_by(problem, &other, loss);
             if other_total < total {
                 *damping = (*damping / factor).max(1e-9);
                 return Some((other, left, other_total));

@@ -5,8 +5,9 @@
 //!   slope = Tᵀ W r     curvature = Tᵀ W T     spread = Σ over blocks of (Tᵀ W r) (Tᵀ W r)ᵀ     T = ∂r / ∂coordinate
 //! ```
 //!
-//! Stick and slip are events: near a reversal single rows jump where a model lands on another branch. Rows beyond `K`
-//! standard deviations count by their size and not by its square, so that events do not outvote motion. Derivatives
+//! Stick and slip are events: near a reversal rows jump where a model lands on another branch, and one event that comes
+//! at another moment would outvote minutes of motion. So rows beyond `K` standard deviations count by a bounded loss
+//! (the tail of Geman and McClure's), and on the way there, from afar, by their size (Huber's). Derivatives
 //! are differences over a step as wide as what is not known of a coordinate: wide against the roughness of the events
 //! at first, and narrow where a coordinate is known well.
 //! Invariant: a coordinate that moves nothing has no column.
@@ -19,7 +20,7 @@ use rayon::prelude::*;
 use super::model::Model;
 use super::problem::{Part, Problem, Residual};
 
-/// Rows beyond this count by their size, in standard deviations.
+/// Rows beyond this count by less than their square, in standard deviations.
 pub const K: f64 = 4.0;
 /// Widest step of a derivative and narrowest, in coordinates; and between them how many standard deviations.
 const STEP: (f64, f64, f64) = (0.04, 2e-4, 2.0);
@@ -28,26 +29,49 @@ pub const BLOCK_S: f64 = 0.25;
 /// Fewer runs do not tell how much they differ.
 const RUNS: usize = 5;
 
-/// Twice the negative logarithm of how probable a residual is, but for a constant.
-pub fn rho(value: f64) -> f64 {
-    bent(value, K)
+/// How much a row counts: its square up to a knee, and beyond it less.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Loss {
+    knee: f64,
+    is_bounded: bool,
 }
 
-/// A square up to the knee, straight beyond.
-fn bent(value: f64, knee: f64) -> f64 {
-    let size = value.abs();
-    if size <= knee { size * size } else { knee * (2.0 * size - knee) }
-}
+impl Loss {
+    /// What judges: no row counts more than twice the square of [`K`].
+    pub const LAST: Self = Self::bounded(K);
 
-/// How much a row of a residual counts.
-pub fn weight(value: f64, knee: f64) -> f64 {
-    let size = value.abs();
-    if size <= knee { 1.0 } else { knee / size }
-}
+    /// Of Huber: straight beyond the knee, so that what is far off still tells where to go.
+    pub const fn straight(knee: f64) -> Self {
+        Self { knee, is_bounded: false }
+    }
 
-/// Sum of `ρ` with this knee over a residual.
-pub fn cost(residual: &Residual, knee: f64) -> f64 {
-    residual.iter().flatten().map(|value| bent(*value, knee)).sum()
+    /// Bounded by twice the square of the knee.
+    pub const fn bounded(knee: f64) -> Self {
+        Self { knee, is_bounded: true }
+    }
+
+    /// Of a row, `ρ`.
+    pub fn of(self, value: f64) -> f64 {
+        let (size, Self { knee, is_bounded }) = (value.abs(), self);
+        if size <= knee {
+            size * size
+        } else if is_bounded {
+            knee * knee * (2.0 - (knee / size).powi(2))
+        } else {
+            knee * (2.0 * size - knee)
+        }
+    }
+
+    /// How much a row weighs: half the slope of `ρ`, of a value.
+    pub fn weight(self, value: f64) -> f64 {
+        let within = (self.knee / value.abs()).min(1.0);
+        if self.is_bounded { within.powi(4) } else { within }
+    }
+
+    /// Sum over a residual.
+    pub fn sum(self, residual: &Residual) -> f64 {
+        residual.iter().flatten().map(|value| self.of(*value)).sum()
+    }
 }
 
 /// What a model leaves of all runs that have rows of a part, in their order.
@@ -57,7 +81,7 @@ pub fn residuals(problem: &Problem<'_>, model: &Model, part: Part) -> Vec<Residu
 
 /// Sum of `ρ` of a model over a part of all runs.
 pub fn cost_of(problem: &Problem<'_>, model: &Model, part: Part) -> f64 {
-    residuals(problem, model, part).iter().map(|run| cost(run, K)).sum()
+    residuals(problem, model, part).iter().map(|run| Loss::LAST.sum(run)).sum()
 }
 
 /// What one coordinate changes of what is left of a run; nothing where it is at its end.
@@ -141,7 +165,7 @@ impl Linear {
 
     /// Sum of `ρ` over what is left.
     pub fn cost(&self) -> f64 {
-        self.runs.iter().map(|run| cost(&run.residual, K)).sum()
+        self.runs.iter().map(|run| Loss::LAST.sum(&run.residual)).sum()
     }
 
     /// The same derivatives where another model leaves this.
@@ -150,11 +174,11 @@ impl Linear {
     }
 
     /// Their sums over all runs; blocks are of so many rows.
-    pub fn normal(&self, block: usize, knee: f64) -> Normal {
+    pub fn normal(&self, block: usize, loss: Loss) -> Normal {
         let count = self.model.coordinate_count();
         let one = |run: &LinearRun| {
             let columns: Vec<Option<&Residual>> = run.columns.iter().map(Option::as_deref).collect();
-            Normal::of(&run.residual, &columns, block, knee)
+            Normal::of(&run.residual, &columns, block, loss)
         };
         self.runs.par_iter().map(one).reduce(|| Normal::zero(count), Normal::plus)
     }
@@ -228,13 +252,13 @@ impl Normal {
     }
 
     /// Of one run.
-    pub fn of(residual: &Residual, columns: &[Option<&Residual>], block: usize, knee: f64) -> Self {
+    pub fn of(residual: &Residual, columns: &[Option<&Residual>], block: usize, loss: Loss) -> Self {
         let count = columns.len();
-        let mut sum = Self { cost: cost(residual, knee), ..Self::zero(count) };
+        let mut sum = Self { cost: loss.sum(residual), ..Self::zero(count) };
         let blocks = residual.iter().map(Vec::len).max().unwrap_or(0).div_ceil(block);
         let mut slopes = DMatrix::zeros(count, blocks);
         for (signal, rows) in residual.iter().enumerate() {
-            let weights: Vec<f64> = rows.iter().map(|value| weight(*value, knee)).collect();
+            let weights: Vec<f64> = rows.iter().map(|value| loss.weight(*value)).collect();
             for i in 0..count {
                 let Some(a) = &columns[i] else { continue };
                 let weighed: Vec<f64> = a[signal].iter().zip(&weights).map(|(a, w)| a * w).collect();
@@ -318,7 +342,8 @@ mod tests {
     fn rows_that_agree_within_a_block_make_nothing_surer() {
         let column: Residual = vec![vec![1.0; 1_000]];
         let variance = |block: usize| {
-            Normal::of(&in_blocks(), &[Some(&column)], block, K).covariance().expect("it is regular")[(0, 0)]
+            Normal::of(&in_blocks(), &[Some(&column)], block, Loss::LAST).covariance().expect("it is regular")
+                [(0, 0)]
         };
         // The mean of a hundred values of variance 1; taken as a thousand, ten times as sure.
         assert!((variance(10) - 0.01).abs() < 1e-6, "{}", variance(10));
@@ -330,7 +355,7 @@ mod tests {
         let column: Residual = vec![vec![1.0; 1_000]];
         let run = |by: f64| {
             let residual: Residual = vec![in_blocks()[0].iter().map(|value| value + by).collect()];
-            Normal::of(&residual, &[Some(&column)], 10, K)
+            Normal::of(&residual, &[Some(&column)], 10, Loss::LAST)
         };
         let variance = |by: f64| {
             let both = [by, -by, by, -by, by, -by].map(run).into_iter().reduce(Normal::plus).expect("six");
@@ -344,17 +369,33 @@ mod tests {
     #[test]
     fn a_coordinate_without_a_column_changes_nothing_of_the_others() {
         let column: Residual = vec![(0..1_000).map(f64::from).collect()];
-        let alone = Normal::of(&in_blocks(), &[Some(&column)], 10, K);
-        let beside = Normal::of(&in_blocks(), &[Some(&column), None], 10, K);
+        let alone = Normal::of(&in_blocks(), &[Some(&column)], 10, Loss::LAST);
+        let beside = Normal::of(&in_blocks(), &[Some(&column), None], 10, Loss::LAST);
         assert_eq!(alone.slope[0], beside.slope[0]);
         assert_eq!(alone.curvature[(0, 0)], beside.curvature[(0, 0)]);
         assert_eq!(beside.curvature[(1, 1)], 0.0);
     }
 
     #[test]
-    fn rows_far_off_count_by_their_size() {
+    fn rows_far_off_count_by_their_size_on_the_way_and_hardly_in_the_end() {
         let column: Residual = vec![vec![1.0; 2]];
-        let slope = |far: f64| Normal::of(&vec![vec![0.0, far]], &[Some(&column)], 10, K).slope[0];
-        assert_eq!([slope(2.0), slope(4.0), slope(40.0)], [2.0, 4.0, 4.0]);
+        let slopes = |loss: Loss| {
+            [2.0, 4.0, 40.0].map(|far| Normal::of(&vec![vec![0.0, far]], &[Some(&column)], 10, loss).slope[0])
+        };
+        assert_eq!(slopes(Loss::straight(K)), [2.0, 4.0, 4.0]);
+        let [near, at_the_knee, far] = slopes(Loss::LAST);
+        assert_eq!([near, at_the_knee], [2.0, 4.0]);
+        assert!((far - 0.004).abs() < 1e-9, "{far}");
+        assert!(Loss::LAST.of(1e6) <= 2.0 * K * K);
+    }
+
+    #[test]
+    fn a_loss_has_the_slope_that_its_weight_says() {
+        for loss in [Loss::straight(K), Loss::LAST] {
+            for value in [-30.0, -4.1, -3.9, 0.5, 3.9, 4.1, 30.0] {
+                let slope = (loss.of(value + 1e-5) - loss.of(value - 1e-5)) / 2e-5;
+                assert!((0.5 * slope - loss.weight(value) * value).abs() < 1e-6, "{loss:?} at {value}");
+            }
+        }
     }
 }

@@ -14,7 +14,7 @@ use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
 
 use super::forward::Signals;
-use super::linear::rho;
+use super::linear::Loss;
 use super::model::Model;
 use super::problem::{Part, Problem, SIGNALS};
 use crate::plant::effects::Coordinate;
@@ -107,7 +107,7 @@ pub fn runs_left(problem: &Problem<'_>, both: &Both) -> Vec<RunLeft> {
                         white.iter().zip(data.rows(part)).zip(&data.loudness[signal])
                     {
                         if *counts {
-                            sum += rho(*value / loud);
+                            sum += Loss::LAST.of(*value / loud);
                             count += 1;
                         }
                     }

@@ -87,9 +87,6 @@ pub struct Problem<'m> {
     pub summed: usize,
 }
 
-/// Rows that are summed up in a [smooth](Problem::smooth) comparison.
-const SMOOTH: usize = 16;
-
 /// So many rows summed up to one, which is of variance 1 again where they were.
 fn summed(rows: Vec<f64>, count: usize) -> Vec<f64> {
     if count == 1 {
@@ -148,12 +145,12 @@ impl<'m> Problem<'m> {
         Self { data: Arc::new(data), axis: self.axis, noises: self.noises.clone(), ..*self }
     }
 
-    /// The same where `SMOOTH` rows are compared as their sum: events of stick and slip that come at another moment
+    /// The same where so many rows are compared as their sum: events of stick and slip that come at another moment
     /// then change little, and a minimum that is far is found past the ripples on its way.
     #[must_use]
-    pub fn smooth(&self) -> Self {
+    pub fn summed_up(&self, rows: usize) -> Self {
         Self {
-            summed: SMOOTH * self.summed,
+            summed: rows,
             data: Arc::clone(&self.data),
             axis: self.axis,
             noises: self.noises.clone(),

@@ -2,6 +2,8 @@
 //!
 //! Invariant: of two ends the deeper one is kept.
 
+use rayon::prelude::*;
+
 use super::fit::{Effort, Fitted, LEAST_PER_ROW, believed, fit};
 use super::linear::cost_of;
 use super::model::Model;
@@ -9,6 +11,8 @@ use super::problem::{Part, Problem};
 
 /// Iterations of coarse fits: of the base, and of a candidate with it.
 pub(super) const ITERATIONS: [usize; 2] = [12, 6];
+/// How many rows are summed up on the way, one after the other: none from where a model stands, and from the file twice.
+const WAYS: [&[usize]; 3] = [&[], &[128, 32, 8], &[256, 64, 16]];
 /// What leaves less than this share of what was left is fitted to the bottom.
 const FAR: f64 = 0.95;
 
@@ -18,13 +22,21 @@ pub(super) fn refitted(problem: &Problem<'_>, once: &Problem<'_>, model: &Model,
 }
 
 /// A model fitted coarsely, from where it stands and from where sums of rows lead from the base of the file: the base that
-/// was fitted otherwise may stand in a valley of its own.
+/// was fitted otherwise may stand in a valley of its own, and where stick and slip make many of them, no way is always
+/// the best.
 fn from_both(problem: &Problem<'_>, once: &Problem<'_>, model: &Model, start: &Model) -> Model {
     let of_file = Model { base: start.base, ..model.clone() };
     let ended =
         |once: &Problem<'_>, model: &Model| fit(once, model, Effort::Coarse(ITERATIONS[0]), None).model;
-    let (one, other) = rayon::join(|| ended(once, model), || ended(once, &ended(&once.smooth(), &of_file)));
-    better(problem, &one, &other).clone()
+    let led = |sums: &[usize]| {
+        sums.iter().fold(of_file.clone(), |model, rows| ended(&once.summed_up(*rows), &model))
+    };
+    let way = |sums: &&[usize]| if sums.is_empty() { ended(once, model) } else { ended(once, &led(sums)) };
+    let ends: Vec<Model> = WAYS.par_iter().map(way).collect();
+    let total = |model: &Model| cost_of(problem, model, Part::Fit) + believed(model);
+    let totals: Vec<f64> = ends.iter().map(total).collect();
+    let best = (0..ends.len()).min_by(|a, b| totals[*a].total_cmp(&totals[*b])).expect("a way");
+    ends[best].clone()
 }
 
 /// The base fitted coarsely.
@@ -35,11 +47,6 @@ pub(super) fn coarsely(problem: &Problem<'_>, once: &Problem<'_>, start: &Model)
 /// Whether a model explains so much of what another leaves that it is fitted to the bottom before it is judged.
 pub(super) fn is_far(fitted: &Fitted, without: &Fitted) -> bool {
     fitted.total < FAR * without.total
-}
-
-fn better<'a>(problem: &Problem<'_>, one: &'a Model, other: &'a Model) -> &'a Model {
-    let total = |model: &Model| cost_of(problem, model, Part::Fit) + believed(model);
-    if total(other) < total(one) { other } else { one }
 }
 
 /// What is left per row.

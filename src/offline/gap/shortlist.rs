@@ -17,11 +17,13 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 
 use super::fit::share_that_holds;
-use super::linear::{K, Linear, LinearRun, weight};
+use super::linear::{K, Linear, LinearRun, Loss};
 use super::model::{Model, Tried};
 use super::problem::{Part, Problem, Residual};
 use crate::plant::effects::{CATALOGUE, Entry, Values};
 
+/// How rows count here: a large effect puts many of them far off, and what explains those is looked for.
+const LOSS: Loss = Loss::straight(K);
 /// Share of its usual size at which an effect is tried.
 const SHARE: f64 = 0.5;
 
@@ -95,7 +97,7 @@ pub fn shortlist(problem: &Problem<'_>, here: &Linear, peaks: &dyn Fn(&str) -> V
         .filter(|entry| !has(entry.name) && !is_further(entry))
         .flat_map(|entry| seeds(entry, peaks).into_iter().map(move |values| (entry, values)))
         .collect();
-    let equations = here.normal(usize::MAX, K).with_beliefs(model);
+    let equations = here.normal(usize::MAX, LOSS).with_beliefs(model);
     let mut curvature = equations.curvature;
     for place in 0..curvature.nrows() {
         curvature[(place, place)] += 1e-9;
@@ -164,7 +166,7 @@ impl Sums {
         for (i, column) in columns.iter().enumerate() {
             let mut weighed = column.clone();
             for (weighed, residual) in weighed.iter_mut().zip(&run.residual) {
-                weighed.iter_mut().zip(residual).for_each(|(value, left)| *value *= weight(*left, K));
+                weighed.iter_mut().zip(residual).for_each(|(value, left)| *value *= LOSS.weight(*left));
             }
             self.slope[i] += product(&weighed, &run.residual);
             for (j, tangent) in run.columns.iter().enumerate() {
