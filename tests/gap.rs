@@ -209,15 +209,16 @@ fn where_the_gap_lives_is_told_and_not_where_it_does_not() {
 
 #[test]
 fn the_row_in_which_the_position_loop_acts_is_found() {
-    for name in ["paper", "reference"] {
-        let machine = config::load(name).expect("a machine");
+    for (name, feed_forward) in [("paper", 0.0), ("reference", 0.0), ("paper", 0.6)] {
+        let mut machine = config::load(name).expect("a machine");
+        machine.axes[AxisId::X].control.gain_sets[0].position.velocity_feed_forward = feed_forward;
         let plant = machine.axes[AxisId::X].plant;
         for phase in [0, 2] {
             let run = circle(&machine, &plant, "fast", [20.0, 1.6], 2, phase);
             let found = controller::matches(&machine, AxisId::X, &run)[0];
-            assert_eq!((found.gain_set, found.phase), (0, phase), "{name}");
+            assert_eq!((found.gain_set, found.phase), (0, phase), "{name}, feed-forward {feed_forward}");
             // The noise alone is left.
-            assert!(found.left_share < 0.1, "{name}: {found:?}");
+            assert!(found.left_share < 0.1, "{name}, feed-forward {feed_forward}: {found:?}");
         }
     }
 }

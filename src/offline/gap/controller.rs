@@ -5,7 +5,7 @@
 
 use std::collections::VecDeque;
 
-use super::forward::SETTLE_S;
+use super::forward::{SETTLE_S, setpoints};
 use super::runs::{AxisRun, Run};
 use crate::base::axis::AxisId;
 use crate::base::sample::{Freshness, Sample};
@@ -23,7 +23,13 @@ const LATE_MAX: usize = 8;
 
 /// What the loops ask for along measured positions, behind the way of a command to the drive and the lag of the current
 /// loop, A.
-pub fn replayed(machine: &Machine, id: AxisId, gain_set: u8, run: &AxisRun, phase: usize) -> Vec<f64> {
+pub fn replayed(
+    machine: &Machine,
+    id: AxisId,
+    gain_set: u8,
+    (run, setpoints): (&AxisRun, &[Setpoint]),
+    phase: usize,
+) -> Vec<f64> {
     let axis = &machine.axes[id];
     let every = machine.cycle.position_every as usize;
     let tick = axis.control.tick;
@@ -39,8 +45,7 @@ pub fn replayed(machine: &Machine, id: AxisId, gain_set: u8, run: &AxisRun, phas
     // The newest last.
     let mut on_their_way_a = VecDeque::from(vec![run.current_a[0]; late]);
     let mut behind_a = run.current_a[0];
-    let rows = run.setpoint_m.len();
-    (0..rows)
+    (0..setpoints.len())
         .map(|row| {
             let position = Position::m(run.position_m[row]);
             let velocity = estimator.advance(position, 1);
@@ -51,8 +56,7 @@ pub fn replayed(machine: &Machine, id: AxisId, gain_set: u8, run: &AxisRun, phas
                 current: Current::a(run.current_a[row]),
                 ..Sample::default()
             };
-            let setpoint = Setpoint { position: Position::m(run.setpoint_m[row]), ..Setpoint::default() };
-            let setpoint = otherwise.setpoint(&mut remembered, &setpoint, tick);
+            let setpoint = otherwise.setpoint(&mut remembered, &setpoints[row], tick);
             // The velocity of the first rows is not known yet.
             if row == 3 {
                 loops.take_over(
@@ -107,10 +111,11 @@ fn left_share(run: &Run, axis: &AxisRun, asked_a: &[f64], late: usize) -> f64 {
 /// held against the current that came so many ticks later.
 pub fn matches(machine: &Machine, id: AxisId, run: &Run) -> Vec<Match> {
     let Some(axis) = run.axes.get(&id) else { return Vec::new() };
+    let setpoints = setpoints(axis, run.period_s);
     let mut all = Vec::new();
     for gain_set in 0..machine.gain_sets.len() {
         for phase in 0..machine.cycle.position_every as usize {
-            let asked = replayed(machine, id, gain_set as u8, axis, phase);
+            let asked = replayed(machine, id, gain_set as u8, (axis, &setpoints), phase);
             let left = (0..=LATE_MAX).map(|late| (late, left_share(run, axis, &asked, late)));
             let best = left.min_by(|a, b| a.1.total_cmp(&b.1));
             all.extend(best.map(|(late, left_share)| Match {

@@ -77,21 +77,12 @@ impl Course {
     pub fn new(run: &Run, machine: &Machine, id: AxisId, phase: usize, origin_s: f64) -> Option<Self> {
         let axis = run.axes.get(&id)?;
         let next = neighbours(run, machine, id);
-        let rows = axis.setpoint_m.len();
-        let slope = |column: &[f64], row: usize, reach: usize| {
-            let (low, high) = (row.saturating_sub(reach), (row + reach).min(rows - 1));
-            (column[high] - column[low]) / ((high - low) as f64 * run.period_s)
-        };
-        let velocity: Vec<f64> = (0..rows).map(|row| slope(&axis.setpoint_m, row, 1)).collect();
-        let setpoints = (0..rows).map(|row| Setpoint {
-            position: Position::m(axis.setpoint_m[row]),
-            velocity: Velocity::m_per_s(velocity[row]),
-            acceleration: Acceleration::m_per_s2(slope(&velocity, row, 1)),
-        });
-        let first = START_ROWS.min(rows);
+        let setpoints = setpoints(axis, run.period_s);
+        let first = START_ROWS.min(setpoints.len());
         let moved =
             (axis.position_m[first - 1] - axis.position_m[0]) / ((first - 1).max(1) as f64 * run.period_s);
-        let is_at_rest = moved.abs() < AT_REST_M_PER_S && velocity[0].abs() < AT_REST_M_PER_S;
+        let is_at_rest =
+            moved.abs() < AT_REST_M_PER_S && setpoints[0].velocity.as_m_per_s().abs() < AT_REST_M_PER_S;
         let is_still = |row: &usize| (axis.setpoint_m[*row] - axis.setpoint_m[0]).abs() <= STILL_M;
         let held = if is_at_rest { (0..first).take_while(is_still).count() } else { first };
         let mean_a = axis.current_a[..held].iter().sum::<f64>() / held as f64;
@@ -101,7 +92,7 @@ impl Course {
             current: Current::a(mean_a),
             time: Span::s(run.start_s - origin_s),
         };
-        Some(Self { setpoints: setpoints.collect(), start, phase, has_table: axis.table_m.is_some(), next })
+        Some(Self { setpoints, start, phase, has_table: axis.table_m.is_some(), next })
     }
 
     /// Its first rows.
@@ -143,6 +134,22 @@ impl Course {
         }
         signals
     }
+}
+
+/// The setpoints of an axis, with velocity and acceleration as the differences of both neighbours show them.
+pub fn setpoints(axis: &AxisRun, period_s: f64) -> Vec<Setpoint> {
+    let rows = axis.setpoint_m.len();
+    let slope = |column: &[f64], row: usize| {
+        let (low, high) = (row.saturating_sub(1), (row + 1).min(rows - 1));
+        (column[high] - column[low]) / ((high - low) as f64 * period_s)
+    };
+    let velocity: Vec<f64> = (0..rows).map(|row| slope(&axis.setpoint_m, row)).collect();
+    let of = |row: usize| Setpoint {
+        position: Position::m(axis.setpoint_m[row]),
+        velocity: Velocity::m_per_s(velocity[row]),
+        acceleration: Acceleration::m_per_s2(slope(&velocity, row)),
+    };
+    (0..rows).map(of).collect()
 }
 
 /// What the next axis did, row by row; nothing where it was not measured.
