@@ -236,6 +236,19 @@ fn a_delay_that_is_not_known_of_does_not_pass_for_another_row_of_the_position_lo
 }
 
 #[test]
+fn nor_does_a_lag() {
+    let mut machine = config::load("paper").expect("a machine");
+    machine.axes[AxisId::X].control.gain_sets[0].position.velocity_feed_forward = 0.6;
+    let lag = entry("current-loop-lag").expect("an effect");
+    let slow = machine.axes[AxisId::X].plant.with_effect(lag, [1200.0, 0.0, 0.0]);
+    for phase in [0, 2] {
+        let run = circle(&machine, &slow, "fast", [20.0, 1.6], 2, phase);
+        let found = controller::matches(&machine, AxisId::X, &run)[0];
+        assert_eq!(found.phase, phase, "{found:?}");
+    }
+}
+
+#[test]
 fn a_machine_that_lacks_nothing_gets_its_parameters_right_and_no_name() {
     let machine = config::load("paper").expect("a machine");
     let analysis = analysed(&machine, &runs(&machine, None));

@@ -18,8 +18,9 @@ use crate::rt::control::{AxisLoop, Settings};
 use crate::rt::drive::sheet::CommandApplies;
 use crate::rt::drive::velocity::VelocityEstimator;
 
-/// Latest that a current is looked for behind what the loops ask for, in ticks.
+/// Latest that a current is looked for behind what the loops ask for, and lags that it may have beside, in ticks.
 const LATE_MAX: usize = 8;
+const LAGS: [f64; 7] = [0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 5.0];
 
 /// What the loops ask for along measured positions, behind the way of a command to the drive and the lag of the current
 /// loop, A.
@@ -107,8 +108,20 @@ fn left_share(run: &Run, axis: &AxisRun, asked_a: &[f64], late: usize) -> f64 {
     (left / whole).sqrt()
 }
 
-/// The best of all gain sets and phases first. Delays that are not known must not pass for another phase: each is
-/// held against the current that came so many ticks later.
+/// What was asked for behind a lag of so many ticks.
+fn lagged(asked_a: &[f64], lag: f64) -> Vec<f64> {
+    // A lag of nothing keeps nothing.
+    let keep = (-1.0 / lag).exp();
+    let mut behind_a = asked_a.first().copied().unwrap_or_default();
+    let of = |asked_a: &f64| {
+        behind_a = keep * behind_a + (1.0 - keep) * asked_a;
+        behind_a
+    };
+    asked_a.iter().map(of).collect()
+}
+
+/// The best of all gain sets and phases first. Delays and lags that are not known must not pass for another phase: each
+/// is held against the current that came so many ticks later.
 pub fn matches(machine: &Machine, id: AxisId, run: &Run) -> Vec<Match> {
     let Some(axis) = run.axes.get(&id) else { return Vec::new() };
     let setpoints = setpoints(axis, run.period_s);
@@ -116,7 +129,10 @@ pub fn matches(machine: &Machine, id: AxisId, run: &Run) -> Vec<Match> {
     for gain_set in 0..machine.gain_sets.len() {
         for phase in 0..machine.cycle.position_every as usize {
             let asked = replayed(machine, id, gain_set as u8, (axis, &setpoints), phase);
-            let left = (0..=LATE_MAX).map(|late| (late, left_share(run, axis, &asked, late)));
+            let left = LAGS.into_iter().flat_map(|lag| {
+                let lagged = lagged(&asked, lag);
+                (0..=LATE_MAX).map(move |late| (late, left_share(run, axis, &lagged, late)))
+            });
             let best = left.min_by(|a, b| a.1.total_cmp(&b.1));
             all.extend(best.map(|(late, left_share)| Match {
                 gain_set: gain_set as u8,
