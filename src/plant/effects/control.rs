@@ -34,8 +34,8 @@ pub struct Otherwise {
 /// What it remembers from row to row.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Remembered {
-    /// The last setpoint, and where the lag was.
-    last: Option<(Setpoint, Position)>,
+    /// Position, velocity and acceleration of the last setpoint, m and s, and of what was behind the lag.
+    last: Option<([f64; 3], [f64; 3])>,
     /// The way of the command, 0 before its first.
     side: f64,
     /// Since it turned back.
@@ -58,23 +58,28 @@ impl Otherwise {
         if self.lag_s == 0.0 {
             return *setpoint;
         }
-        let behind = match remembered.last {
-            // As if it had come with this velocity for ever.
-            None => setpoint.position - Position::m(self.lag_s * setpoint.velocity.as_m_per_s()),
-            Some((before, behind)) => {
-                let step = setpoint.position - before.position;
-                let steady = Position::m(self.lag_s / row.as_s() * step.as_m());
-                let keep = libm::exp(-row.as_s() / self.lag_s);
-                setpoint.position - steady + (behind - before.position + steady) * keep
-            }
-        };
-        remembered.last = Some((*setpoint, behind));
-        let velocity = (setpoint.position - behind).as_m() / self.lag_s;
+        let now =
+            [setpoint.position.as_m(), setpoint.velocity.as_m_per_s(), setpoint.acceleration.as_m_per_s2()];
+        // As if it had come with this acceleration for ever.
+        let late = remembered.last.map_or_else(
+            || {
+                let velocity = now[1] - self.lag_s * now[2];
+                [now[0] - self.lag_s * velocity, velocity, now[2]]
+            },
+            |(before, late)| std::array::from_fn(|of| self.lagged(late[of], [before[of], now[of]], row)),
+        );
+        remembered.last = Some((now, late));
         Setpoint {
-            position: behind,
-            velocity: Velocity::m_per_s(velocity),
-            acceleration: Acceleration::m_per_s2((setpoint.velocity.as_m_per_s() - velocity) / self.lag_s),
+            position: Position::m(late[0]),
+            velocity: Velocity::m_per_s(late[1]),
+            acceleration: Acceleration::m_per_s2(late[2]),
         }
+    }
+
+    /// What is behind the lag after a row, along which its input went straight.
+    fn lagged(&self, late: f64, [before, now]: [f64; 2], row: Span) -> f64 {
+        let steady = self.lag_s / row.as_s() * (now - before);
+        now - steady + (late - before + steady) * libm::exp(-row.as_s() / self.lag_s)
     }
 
     /// Current that is added in the next row to what the loops ask for.
@@ -135,6 +140,23 @@ mod tests {
         }
         let left = (stop.position - late.position).as_mm() / (20.0 * 8e-3);
         assert!((left - (-1.0_f64).exp()).abs() < 1e-9, "{left} of the lag after a time constant");
+    }
+
+    #[test]
+    fn a_lag_that_is_short_beside_a_row_delays_the_velocity_by_no_more() {
+        let filter = with("command-filter", [0.02, 0.0, 0.0]);
+        let mut remembered = Remembered::default();
+        for row in 0..50 {
+            let (t, mm_per_s2) = (f64::from(row) * ROW.as_s(), 4_000.0);
+            let setpoint = Setpoint {
+                position: Position::mm(0.5 * mm_per_s2 * t * t),
+                velocity: Velocity::mm_per_s(mm_per_s2 * t),
+                acceleration: Acceleration::m_per_s2(1e-3 * mm_per_s2),
+            };
+            let late = filter.setpoint(&mut remembered, &setpoint, ROW);
+            let behind = (setpoint.velocity - late.velocity).as_mm_per_s();
+            assert!((behind - 0.02e-3 * mm_per_s2).abs() < 1e-9, "row {row}: {behind} mm/s");
+        }
     }
 
     #[test]
