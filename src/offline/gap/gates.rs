@@ -123,7 +123,8 @@ pub(super) fn tried(
             failed.push(Gate::Blocks);
         }
         let place = fitted.model.first_coordinate(added);
-        if !entry.amplitudes().any(|amplitude| fitted.is_surely_not_zero(place + amplitude, SURE)) {
+        let tells = |amplitude: &usize| !entry.parameters[*amplitude].is_of_base;
+        if !entry.amplitudes().filter(tells).any(|of| fitted.is_surely_not_zero(place + of, SURE)) {
             failed.push(Gate::Amplitude);
         }
         if fitted.model.is_at_bound(added) {

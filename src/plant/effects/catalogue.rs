@@ -31,6 +31,9 @@ pub struct Parameter {
     pub prior: f64,
     /// Whether the effect is there by this value alone, as it is by the first.
     pub is_amplitude: bool,
+    /// Whether a parameter of the base model stands for it alone, so that it tells nothing of whether the effect is
+    /// there.
+    pub is_of_base: bool,
     /// Whether a machine has whole numbers of it only.
     pub is_whole: bool,
     /// Over what the effect swings, where the value says how often.
@@ -65,7 +68,23 @@ impl Parameter {
         nominal: f64,
         prior: f64,
     ) -> Self {
-        Self { key, unit, bounds, nominal, prior, is_amplitude: false, is_whole: false, swings_over: None }
+        Self {
+            key,
+            unit,
+            bounds,
+            nominal,
+            prior,
+            is_amplitude: false,
+            is_of_base: false,
+            is_whole: false,
+            swings_over: None,
+        }
+    }
+
+    /// The same of what a parameter of the base model stands for.
+    pub(super) const fn of_base(mut self) -> Self {
+        self.is_of_base = true;
+        self
     }
 
     /// The same of what comes in whole numbers only.

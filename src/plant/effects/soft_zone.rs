@@ -4,7 +4,8 @@
 //!   F_screw = K (d - s clamp(d, -h, h)) + C d'
 //! ```
 //!
-//! The stiffness is `(1 - s) K` up to a deflection of `h`, and `K` beyond.
+//! The stiffness is `(1 - s) K` up to a deflection of `h`, and `K` beyond. A zone wider than screws bend is another
+//! stiffness and no zone.
 //! Invariant: a function of the deflection alone, so conservative.
 
 use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
@@ -16,7 +17,7 @@ pub(super) const ENTRY: Entry = Entry {
     equation: "F_screw = K (d - s clamp(d, -h, h)) + C d'",
     parameters: &[
         Parameter::new("softness-percent", "%", [0.0, 95.0], 60.0, 30.0),
-        Parameter::new("half-width-um", "um", [0.1, 100.0], 2.0, 2.0),
+        Parameter::new("half-width-um", "um", [0.1, 10.0], 2.0, 2.0),
     ],
     coordinate: Coordinate::ScrewForce,
     experiment: Experiment::SmallReversals,
