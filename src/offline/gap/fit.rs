@@ -10,7 +10,7 @@
 //!
 //! The landscape is rough: where a model lands on another branch of stick and slip, the cost jumps. So the knee begins
 //! where the residual is and comes nearer, and where a fine fit ends it looks along its valley for a deeper place.
-//! Invariant: a fit never ends worse than it began.
+//! Invariant: a fit never ends worse than it began, at the knee it ends with.
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -27,8 +27,10 @@ const FURTHEST: f64 = 1.5;
 /// Most steps with the same derivatives, and the share of what the first gained that makes another one worth it.
 const PASSES: usize = 6;
 const WORTH: f64 = 0.1;
-/// By how much the knee of `ρ` comes nearer with each iteration.
-const NEARER: f64 = 3.0;
+/// Share of the rows that may be events of stick and slip: where more are beyond the knee of `ρ` the model is off. And by
+/// how much the knee must come nearer to make it another fit.
+const EVENTS: f64 = 0.01;
+const NEARER: f64 = 0.95;
 /// A coarse fit ends with an iteration that gains less than this share of the cost, a fine one with half a unit of
 /// the logarithm of probability: the cost has two.
 const ENOUGH: (f64, f64) = (1e-4, 1.0);
@@ -85,7 +87,7 @@ pub fn fit(problem: &Problem<'_>, start: &Model, effort: Effort, known: Option<&
     // Far from the minimum all rows are far off: they count by their square until they are near. Sums of rows only lead
     // the way, so all of them count.
     let is_smooth = problem.summed > 1;
-    let mut knee = K * (sum(&left, Loss::straight(K)) / rows / (2.0 * K)).max(1.0);
+    let mut knee = knee(&left);
     let mut covariance = DMatrix::zeros(model.coordinate_count(), model.coordinate_count());
     let mut kicked = 0;
     for _ in 0..iterations {
@@ -125,8 +127,9 @@ pub fn fit(problem: &Problem<'_>, start: &Model, effort: Effort, known: Option<&
         if gained == 0.0 {
             damping = DAMPING.0;
         }
-        if knee > K {
-            knee = (knee / NEARER).max(K);
+        let nearer = self::knee(&left);
+        if nearer < NEARER * knee {
+            knee = nearer;
             continue;
         }
         let is_over = match effort {
@@ -141,7 +144,7 @@ pub fn fit(problem: &Problem<'_>, start: &Model, effort: Effort, known: Option<&
             } else {
                 Vec::new()
             };
-            let Some((other, other_left, other_total)) = best_of(problem, &kicks) else { break };
+            let Some((other, other_left, other_total)) = best_of(problem, &kicks, loss) else { break };
             if total - other_total < half_a_unit(total) {
                 break;
             }
@@ -153,6 +156,19 @@ pub fn fit(problem: &Problem<'_>, start: &Model, effort: Effort, known: Option<&
     let cost = sum(&left, Loss::LAST);
     let total = cost + believed(&model);
     Fitted { model, cost, total, covariance }
+}
+
+/// What all rows are within but for [`EVENTS`], and never less than what judges.
+fn knee(left: &[Residual]) -> f64 {
+    // Rows that do not count are zero.
+    let mut sizes: Vec<f64> =
+        left.iter().flatten().flatten().map(|value| value.abs()).filter(|size| *size > 0.0).collect();
+    let within = (sizes.len() as f64 * (1.0 - EVENTS)) as usize;
+    if within >= sizes.len() {
+        return K;
+    }
+    let (_, knee, _) = sizes.select_nth_unstable_by(within, f64::total_cmp);
+    knee.max(K)
 }
 
 /// Models some standard deviations of each coordinate away, the others moved as they follow it.
@@ -181,14 +197,14 @@ fn sum(left: &[Residual], loss: Loss) -> f64 {
 }
 
 /// That of some models which leaves the least of the first passes, with what it leaves of all rows and the total.
-fn best_of(problem: &Problem<'_>, models: &[Model]) -> Option<(Model, Vec<Residual>, f64)> {
+fn best_of(problem: &Problem<'_>, models: &[Model], loss: Loss) -> Option<(Model, Vec<Residual>, f64)> {
     if models.is_empty() {
         return None;
     }
     let once = problem.first_passes();
-    let totals: Vec<f64> = models.par_iter().map(|model| left_by(&once, model, Loss::LAST).1).collect();
+    let totals: Vec<f64> = models.par_iter().map(|model| left_by(&once, model, loss).1).collect();
     let best = (0..models.len()).min_by(|a, b| totals[*a].total_cmp(&totals[*b]))?;
-    let (left, total) = left_by(problem, &models[best], Loss::LAST);
+    let (left, total) = left_by(problem, &models[best], loss);
     Some((models[best].clone(), left, total))
 }
 
@@ -310,6 +326,17 @@ mod tests {
         let slow = model.at(&at);
         assert!(slow.base[current_loop()] > -2.0, "the data sheet is worth something");
         slow
+    }
+
+    #[test]
+    fn the_knee_is_where_all_but_events_are_within() {
+        let left = |far: usize, by: f64| -> Vec<Residual> {
+            let rows = (0..1_000).map(|row| if row < far { by } else { -0.5 }).chain([0.0; 500]);
+            vec![vec![rows.collect()]]
+        };
+        assert_eq!(knee(&left(9, 300.0)), K, "events");
+        assert_eq!(knee(&left(60, 30.0)), 30.0, "a run that the model does not follow");
+        assert_eq!(knee(&[]), K);
     }
 
     #[test]
