@@ -18,13 +18,13 @@ const FAR: f64 = 0.95;
 
 /// A model fitted to the bottom.
 pub(super) fn refitted(problem: &Problem<'_>, once: &Problem<'_>, model: &Model, start: &Model) -> Fitted {
-    fit(problem, &from_both(problem, once, model, start), Effort::Fine, None)
+    fit(problem, &by_all_ways(problem, once, model, start), Effort::Fine, None)
 }
 
-/// A model fitted coarsely, from where it stands and from where sums of rows lead from the base of the file: the base that
-/// was fitted otherwise may stand in a valley of its own, and where stick and slip make many of them, no way is always
-/// the best.
-fn from_both(problem: &Problem<'_>, once: &Problem<'_>, model: &Model, start: &Model) -> Model {
+/// A model fitted coarsely, from where it stands and from where sums of rows lead from the base of the file: a base that
+/// was fitted without the effect may stand in a valley of its own, and where stick and slip make many valleys, no way is
+/// always the best.
+fn by_all_ways(problem: &Problem<'_>, once: &Problem<'_>, model: &Model, start: &Model) -> Model {
     let of_file = Model { base: start.base, ..model.clone() };
     let ended =
         |once: &Problem<'_>, model: &Model| fit(once, model, Effort::Coarse(ITERATIONS[0]), None).model;
@@ -41,7 +41,7 @@ fn from_both(problem: &Problem<'_>, once: &Problem<'_>, model: &Model, start: &M
 
 /// The base fitted coarsely.
 pub(super) fn coarsely(problem: &Problem<'_>, once: &Problem<'_>, start: &Model) -> Fitted {
-    fit(problem, &from_both(problem, once, start, start), Effort::Coarse(ITERATIONS[0]), None)
+    fit(problem, &by_all_ways(problem, once, start, start), Effort::Coarse(ITERATIONS[0]), None)
 }
 
 /// Whether a model explains so much of what another leaves that it is fitted to the bottom before it is judged.
