@@ -24,7 +24,7 @@ const LAGS: [f64; 7] = [0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 5.0];
 
 /// What the loops ask for along measured positions, behind the way of a command to the drive and the lag of the current
 /// loop, A.
-pub fn replayed(
+fn replayed(
     machine: &Machine,
     id: AxisId,
     gain_set: u8,

@@ -28,10 +28,10 @@ fn by_all_ways(problem: &Problem<'_>, once: &Problem<'_>, model: &Model, start: 
     let of_file = Model { base: start.base, ..model.clone() };
     let ended =
         |once: &Problem<'_>, model: &Model| fit(once, model, Effort::Coarse(ITERATIONS[0]), None).model;
-    let led = |sums: &[usize]| {
-        sums.iter().fold(of_file.clone(), |model, rows| ended(&once.summed_up(*rows), &model))
+    let way = |sums: &&[usize]| {
+        let begun = if sums.is_empty() { model } else { &of_file };
+        ended(once, &sums.iter().fold(begun.clone(), |model, rows| ended(&once.summed_up(*rows), &model)))
     };
-    let way = |sums: &&[usize]| if sums.is_empty() { ended(once, model) } else { ended(once, &led(sums)) };
     let ends: Vec<Model> = WAYS.par_iter().map(way).collect();
     let total = |model: &Model| cost_of(problem, model, Part::Fit) + believed(model);
     let totals: Vec<f64> = ends.iter().map(total).collect();

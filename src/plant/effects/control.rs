@@ -60,26 +60,26 @@ impl Otherwise {
         }
         let now =
             [setpoint.position.as_m(), setpoint.velocity.as_m_per_s(), setpoint.acceleration.as_m_per_s2()];
-        // As if it had come with this acceleration for ever.
-        let late = remembered.last.map_or_else(
-            || {
+        let late = match remembered.last {
+            // As if it had come with this acceleration for ever.
+            None => {
                 let velocity = now[1] - self.lag_s * now[2];
                 [now[0] - self.lag_s * velocity, velocity, now[2]]
-            },
-            |(before, late)| std::array::from_fn(|of| self.lagged(late[of], [before[of], now[of]], row)),
-        );
+            }
+            Some((before, late)) => {
+                let (rows, keep) = (self.lag_s / row.as_s(), libm::exp(-row.as_s() / self.lag_s));
+                std::array::from_fn(|of| {
+                    let steady = rows * (now[of] - before[of]);
+                    now[of] - steady + (late[of] - before[of] + steady) * keep
+                })
+            }
+        };
         remembered.last = Some((now, late));
         Setpoint {
             position: Position::m(late[0]),
             velocity: Velocity::m_per_s(late[1]),
             acceleration: Acceleration::m_per_s2(late[2]),
         }
-    }
-
-    /// What is behind the lag after a row, along which its input went straight.
-    fn lagged(&self, late: f64, [before, now]: [f64; 2], row: Span) -> f64 {
-        let steady = self.lag_s / row.as_s() * (now - before);
-        now - steady + (late - before + steady) * libm::exp(-row.as_s() / self.lag_s)
     }
 
     /// Current that is added in the next row to what the loops ask for.
