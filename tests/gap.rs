@@ -236,6 +236,28 @@ fn a_delay_that_is_not_known_of_does_not_pass_for_another_row_of_the_position_lo
 }
 
 #[test]
+fn rows_in_which_the_table_breaks_away_count_less_until_friction_is_known() {
+    let machine = config::load("paper").expect("a machine");
+    let plant = machine.axes[AxisId::X].plant;
+    let runs = [circle(&machine, &plant, "slow", [10.0, 2.4], 1, 0)];
+    let problem = problem_of(&machine, &runs, &repeats(&runs), AxisId::X, 0, &[0]);
+    let louder = |reach: f64| -> Vec<f64> {
+        let straight = problem.where_straight(&Model::new(plant), reach, 0);
+        let [before, after] = [&problem, &straight].map(|problem| &problem.data[0].loudness[0]);
+        after.iter().zip(before).map(|(after, before)| after / before).collect()
+    };
+    // The second lap of a sine: it reverses at a quarter and three quarters, and slides at once in between.
+    let row = |turns: f64| (2.4 * turns * ROWS_PER_S) as usize;
+    let most = |rows: &[f64]| rows.iter().copied().fold(0.0, f64::max);
+    let wide = louder(0.3);
+    let (reversal, sliding) = (&wide[row(1.25)..row(1.35)], &wide[row(1.45)..row(1.7)]);
+    assert!(most(reversal) > 3.0 * most(sliding), "{} and {}", most(reversal), most(sliding));
+    let narrow = louder(0.01);
+    assert!(most(&narrow) < 0.3 * most(&wide), "{} and {}", most(&narrow), most(&wide));
+    assert!(most(&narrow[row(1.45)..row(1.7)]) < 1.01);
+}
+
+#[test]
 fn nor_does_a_lag() {
     let mut machine = config::load("paper").expect("a machine");
     machine.axes[AxisId::X].control.gain_sets[0].position.velocity_feed_forward = 0.6;

@@ -84,14 +84,12 @@ pub fn fit(problem: &Problem<'_>, start: &Model, effort: Effort, known: Option<&
     let mut steps = Steps::widest(&model);
     let mut left = residuals(problem, &model, Part::Fit);
     let half_a_unit = |total: f64| ENOUGH.1 * (total / rows).max(LEAST_PER_ROW);
-    // Far from the minimum all rows are far off: they count by their square until they are near. Sums of rows only lead
-    // the way, so all of them count.
-    let is_smooth = problem.summed > 1;
+    // Far from the minimum all rows are far off: they count by their square until they are near.
     let mut knee = knee(&left);
     let mut covariance = DMatrix::zeros(model.coordinate_count(), model.coordinate_count());
     let mut kicked = 0;
     for _ in 0..iterations {
-        let loss = if is_smooth { Loss::straight(knee) } else { Loss::bounded(knee) };
+        let loss = Loss::bounded(knee);
         let mut total = sum(&left, loss) + believed(&model);
         let mut linear = Linear::new(problem, &model, left, known, &steps);
         let before = total;

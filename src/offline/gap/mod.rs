@@ -37,5 +37,6 @@ pub mod repeats;
 pub mod runs;
 pub mod shortlist;
 pub mod spectrum;
+mod straight;
 pub mod verdict;
 pub mod write_back;

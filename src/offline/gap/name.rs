@@ -18,7 +18,7 @@ use super::gates::{Candidate, FALL, Gate, HELD_FALL, does_not_show_where_judged,
 use super::linear::{Linear, Steps, residuals};
 use super::model::Model;
 use super::problem::{Part, Problem};
-use super::refit::{ITERATIONS, coarsely, is_far, refitted, scale};
+use super::refit::{ITERATIONS, base_refitted, coarsely, is_far, refitted, scale};
 use super::shortlist::{Scored, shortlist};
 use super::spectrum::Peaks;
 use crate::plant::effects::{CATALOGUE, Experiment, entry};
@@ -98,8 +98,8 @@ impl NamedEffect {
 pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Sync)) -> Named {
     let rows = [Part::Fit, Part::Held].map(|part| problem.count(part));
     progress("fitting the base model");
-    let once = problem.first_passes();
-    let coarse = coarsely(problem, &once, start);
+    let (problem, coarse) = coarsely(problem, start);
+    let (problem, once) = (&problem, problem.first_passes());
     let (mut model, mut blocks) = (coarse.clone(), Blocks::new(problem, &coarse.model));
     // The base at its bottom, which is known where a name was put to the test.
     let mut base: Option<Fitted> = None;
@@ -111,7 +111,7 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
         let here_once = linear(&once, &model.model);
         // What the base may not go further with makes up for no more.
         let held: Vec<usize> = model.model.at_reach().collect();
-        let listed = shortlist(&once, &here_once.holding(&held), &|key| peaks.of(key));
+        let listed = shortlist(&once, &here_once.holding(&held), &|parameter| peaks.of(parameter));
         progress("fitting what may be missing");
         let promising = screened(&once, &here_once, &listed);
         let mut candidates = Vec::new();
@@ -153,7 +153,7 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
         effects.push(NamedEffect { name: best.name(), class, runner_up });
         // On its way to the effect the base may have left a valley in which the fit without it was held up: what is
         // gained is what is lost again without it, from here.
-        let test = Without::of(problem, &once, &model, effects.len() - 1, start);
+        let test = Without::of(problem, &once, &model, effects.len() - 1, [start, &coarse.model]);
         if effects.len() == 1 {
             base = Some(test.fitted.clone());
         }
@@ -169,7 +169,7 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
     // Backwards: what came first may have stood for what came later.
     let mut place = 0;
     while effects.len() > 1 && place + 1 < effects.len() {
-        let test = Without::of(problem, &once, &model, place, start);
+        let test = Without::of(problem, &once, &model, place, [start, &coarse.model]);
         if test.shows_need(&model, &blocks, place, rows) {
             place += 1;
         } else {
@@ -200,8 +200,20 @@ struct Without {
 }
 
 impl Without {
-    fn of(problem: &Problem<'_>, once: &Problem<'_>, model: &Fitted, place: usize, start: &Model) -> Self {
-        let fitted = refitted(problem, once, &model.model.without(place), start);
+    /// `start` is the base of the file, `alone` where it was fitted without any effect.
+    fn of(
+        problem: &Problem<'_>,
+        once: &Problem<'_>,
+        model: &Fitted,
+        place: usize,
+        [start, alone]: [&Model; 2],
+    ) -> Self {
+        let without = model.model.without(place);
+        let fitted = if without.effects.is_empty() {
+            base_refitted(problem, once, [&without, alone])
+        } else {
+            refitted(problem, once, &without, start)
+        };
         Self { blocks: Blocks::new(problem, &fitted.model), fitted }
     }
 

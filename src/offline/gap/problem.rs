@@ -83,17 +83,6 @@ pub struct Problem<'m> {
     pub data: Arc<Vec<AxisData>>,
     /// Noise of each signal; `None` where it was not measured.
     pub noises: [Option<Noise>; SIGNALS.len()],
-    /// So many rows are summed up to one that is compared.
-    pub summed: usize,
-}
-
-/// So many rows summed up to one, which is of variance 1 again where they were.
-fn summed(rows: Vec<f64>, count: usize) -> Vec<f64> {
-    if count == 1 {
-        return rows;
-    }
-    let scale = (count as f64).sqrt().recip();
-    rows.chunks(count).map(|rows| rows.iter().sum::<f64>() * scale).collect()
 }
 
 /// What a model leaves of a run, whitened: signal by signal, row by row; zero where a row does not count.
@@ -108,15 +97,7 @@ impl<'m> Problem<'m> {
         data: Vec<AxisData>,
         noises: [Option<Noise>; SIGNALS.len()],
     ) -> Self {
-        Self {
-            machine,
-            id,
-            axis: without_counts(&machine.axes[id]),
-            gain_set,
-            data: Arc::new(data),
-            noises,
-            summed: 1,
-        }
+        Self { machine, id, axis: without_counts(&machine.axes[id]), gain_set, data: Arc::new(data), noises }
     }
 
     /// The same with each command once: a second pass tells the same again, and takes as long to simulate. No rows of
@@ -142,20 +123,13 @@ impl<'m> Problem<'m> {
             }
         };
         let data = self.data.iter().filter(|data| data.has(Part::Fit)).map(once).collect();
-        Self { data: Arc::new(data), axis: self.axis, noises: self.noises.clone(), ..*self }
+        self.with_data(Arc::new(data))
     }
 
-    /// The same where so many rows are compared as their sum: events of stick and slip that come at another moment
-    /// then change little, and a minimum that is far is found past the ripples on its way.
+    /// The same axis with other data.
     #[must_use]
-    pub fn summed_up(&self, rows: usize) -> Self {
-        Self {
-            summed: rows,
-            data: Arc::clone(&self.data),
-            axis: self.axis,
-            noises: self.noises.clone(),
-            ..*self
-        }
+    pub fn with_data(&self, data: Arc<Vec<AxisData>>) -> Self {
+        Self { data, axis: self.axis, noises: self.noises.clone(), ..*self }
     }
 
     /// Rows of a run that count: those after the start, that are sound, as are those the filter remembers.
@@ -219,7 +193,7 @@ impl<'m> Problem<'m> {
                     *value = 0.0;
                 }
             }
-            Some(summed(white, self.summed))
+            Some(white)
         };
         self.noises.iter().enumerate().filter_map(of).collect()
     }
@@ -239,11 +213,11 @@ impl<'m> Problem<'m> {
                 .filter(|((.., pick), noise)| noise.is_some() && !pick(&data.measured).is_empty());
             rows * signals.count()
         };
-        self.data.iter().map(of).sum::<usize>() / self.summed
+        self.data.iter().map(of).sum()
     }
 
     /// Rows of a residual in so much time.
     pub fn rows_in(&self, time_s: f64) -> usize {
-        ((time_s / self.machine.cycle.period.as_s()) as usize / self.summed).max(1)
+        ((time_s / self.machine.cycle.period.as_s()) as usize).max(1)
     }
 }

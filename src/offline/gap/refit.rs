@@ -11,8 +11,11 @@ use super::problem::{Part, Problem};
 
 /// Iterations of coarse fits: of the base, and of a candidate with it.
 pub(super) const ITERATIONS: [usize; 2] = [12, 6];
-/// How many rows are summed up on the way, one after the other: none from where a model stands, and from the file twice.
-const WAYS: [&[usize]; 3] = [&[], &[128, 32, 8], &[256, 64, 16]];
+/// Within how many priors a model must be straight about a row for it to count, fit by fit: never mind from where a model
+/// stands, and from the file twice.
+const WAYS: [&[f64]; 3] = [&[], &[0.3, 0.1, 0.05], &[0.5, 0.25, 0.1]];
+/// The same for what is named and judged.
+const REACH: f64 = 0.05;
 /// What leaves less than this share of what was left is fitted to the bottom.
 const FAR: f64 = 0.95;
 
@@ -21,27 +24,43 @@ pub(super) fn refitted(problem: &Problem<'_>, once: &Problem<'_>, model: &Model,
     fit(problem, &by_all_ways(problem, once, model, start), Effort::Fine, None)
 }
 
-/// A model fitted coarsely, from where it stands and from where sums of rows lead from the base of the file: a base that
-/// was fitted without the effect may stand in a valley of its own, and where stick and slip make many valleys, no way is
-/// always the best.
+/// A model fitted coarsely, from where it stands and from the base of the file, by rows about which it is straight: a base
+/// that was fitted without the effect may stand in a valley of its own, and where stick and slip make many valleys, no
+/// way is always the best.
 fn by_all_ways(problem: &Problem<'_>, once: &Problem<'_>, model: &Model, start: &Model) -> Model {
     let of_file = Model { base: start.base, ..model.clone() };
     let ended =
         |once: &Problem<'_>, model: &Model| fit(once, model, Effort::Coarse(ITERATIONS[0]), None).model;
-    let way = |sums: &&[usize]| {
-        let begun = if sums.is_empty() { model } else { &of_file };
-        ended(once, &sums.iter().fold(begun.clone(), |model, rows| ended(&once.summed_up(*rows), &model)))
+    let way = |(seed, reaches): (usize, &&[f64])| {
+        let nearer =
+            |model: Model, reach: &f64| ended(&once.where_straight(&model, *reach, seed as u64), &model);
+        let begun = if reaches.is_empty() { model } else { &of_file };
+        ended(once, &reaches.iter().fold(begun.clone(), nearer))
     };
-    let ends: Vec<Model> = WAYS.par_iter().map(way).collect();
-    let total = |model: &Model| cost_of(problem, model, Part::Fit) + believed(model);
-    let totals: Vec<f64> = ends.iter().map(total).collect();
-    let best = (0..ends.len()).min_by(|a, b| totals[*a].total_cmp(&totals[*b])).expect("a way");
-    ends[best].clone()
+    let ends: Vec<Model> = WAYS.par_iter().enumerate().map(way).collect();
+    deepest(problem, ends)
 }
 
-/// The base fitted coarsely.
-pub(super) fn coarsely(problem: &Problem<'_>, once: &Problem<'_>, start: &Model) -> Fitted {
-    fit(problem, &by_all_ways(problem, once, start, start), Effort::Coarse(ITERATIONS[0]), None)
+fn deepest(problem: &Problem<'_>, ends: Vec<Model>) -> Model {
+    let total = |model: &Model| cost_of(problem, model, Part::Fit) + believed(model);
+    let totals: Vec<f64> = ends.iter().map(total).collect();
+    let best = (0..ends.len()).min_by(|a, b| totals[*a].total_cmp(&totals[*b]));
+    ends.into_iter().nth(best.expect("a way")).expect("it is one of them")
+}
+
+/// The base fitted to the bottom from where it stands beside an effect, and from where it was fitted without.
+pub(super) fn base_refitted(problem: &Problem<'_>, once: &Problem<'_>, ends: [&Model; 2]) -> Fitted {
+    let ended = |model: &&Model| fit(once, model, Effort::Coarse(ITERATIONS[0]), None).model;
+    let ends = ends.par_iter().map(ended).collect();
+    fit(problem, &deepest(problem, ends), Effort::Fine, None)
+}
+
+/// The base fitted coarsely, and the problem in which rows count by how straight it is about them.
+pub(super) fn coarsely<'m>(problem: &Problem<'m>, start: &Model) -> (Problem<'m>, Fitted) {
+    let model = by_all_ways(problem, &problem.first_passes(), start, start);
+    let problem = problem.where_straight(&model, REACH, 0);
+    let fitted = fit(&problem, &model, Effort::Coarse(ITERATIONS[0]), None);
+    (problem, fitted)
 }
 
 /// Whether a model explains so much of what another leaves that it is fitted to the bottom before it is judged.
