@@ -20,7 +20,7 @@ use super::fit::share_that_holds;
 use super::linear::{K, Linear, LinearRun, Loss};
 use super::model::{Model, Tried};
 use super::problem::{Part, Problem, Residual};
-use crate::plant::effects::{CATALOGUE, Entry, Values};
+use crate::plant::effects::{CATALOGUE, Entry, Parameter, Values};
 
 /// How rows count here: a large effect puts many of them far off, and what explains those is looked for.
 const LOSS: Loss = Loss::straight(K);
@@ -44,7 +44,7 @@ impl Scored {
 }
 
 /// Values at which an entry is tried, one amplitude at a time.
-fn seeds(entry: &'static Entry, peaks: &dyn Fn(&str) -> Vec<f64>) -> Vec<Values> {
+fn seeds(entry: &'static Entry, peaks: &dyn Fn(&Parameter) -> Vec<f64>) -> Vec<Values> {
     let mut nominal = entry.nominal();
     nominal[0] = if nominal[0] == 0.0 { entry.parameters[0].prior } else { nominal[0] } * SHARE;
     let mut seeds = vec![nominal];
@@ -62,7 +62,7 @@ fn seeds(entry: &'static Entry, peaks: &dyn Fn(&str) -> Vec<f64>) -> Vec<Values>
             continue;
         }
         let [low, high] = parameter.bounds;
-        let mut others: Vec<f64> = peaks(parameter.key);
+        let mut others: Vec<f64> = peaks(parameter);
         if others.is_empty() {
             others = [0.3, 3.0].map(|factor| parameter.nominal * factor).to_vec();
         }
@@ -84,7 +84,11 @@ fn phase_of(entry: &Entry) -> Option<usize> {
 }
 
 /// Every effect that is not in the model yet, with the best trial of its laws, the most promising first.
-pub fn shortlist(problem: &Problem<'_>, here: &Linear, peaks: &dyn Fn(&str) -> Vec<f64>) -> Vec<Scored> {
+pub fn shortlist(
+    problem: &Problem<'_>,
+    here: &Linear,
+    peaks: &dyn Fn(&Parameter) -> Vec<f64>,
+) -> Vec<Scored> {
     let model = &here.model;
     let has = |name: &str| model.effects.iter().any(|tried| tried.entry.name == name);
     // A further harmonic is one beside the first.

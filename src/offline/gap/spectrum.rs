@@ -15,6 +15,7 @@ use rustfft::FftPlanner;
 use super::forward::Signals;
 use super::model::Model;
 use super::problem::{AxisData, Part, Problem};
+use crate::plant::effects::Parameter;
 
 /// Peaks that are tried.
 const PEAKS: usize = 4;
@@ -34,6 +35,11 @@ const BINS_PER_TURN: f64 = 4_096.0;
 /// a session tells apart.
 const IN_STEP_S: f64 = 0.1;
 const LINES_APART: f64 = 8.0;
+
+/// Poles and slots of motors, and what they make together; lines of their encoders, and periods of scales, um.
+const USUAL_PER_TURN: [f64; 10] = [1.0, 2.0, 4.0, 6.0, 8.0, 10.0, 12.0, 18.0, 24.0, 36.0];
+const USUAL_LINES: [f64; 6] = [64.0, 128.0, 256.0, 512.0, 1_024.0, 2_048.0];
+const USUAL_PERIODS_UM: [f64; 2] = [4.0, 20.0];
 
 /// Places that are tried along the way that the axis went.
 const PLACES: u32 = 7;
@@ -100,20 +106,26 @@ impl Peaks {
         }
     }
 
-    /// Values of a parameter that they suggest, with those that are usual along a screw, a way and a session; nothing for
-    /// other keys.
-    pub fn of(&self, key: &str) -> Vec<f64> {
+    /// Values of a parameter that they suggest, with those that are usual for motors, along a screw, a way and a session:
+    /// what is small makes no peak. Nothing for other keys.
+    pub fn of(&self, parameter: &Parameter) -> Vec<f64> {
         let turns = |scale: f64| self.per_turn.iter().map(move |per_turn| scale * self.lead_m / per_turn);
-        match key {
+        match parameter.key {
             "frequency-hz" => self.hz.clone(),
-            "periods-per-turn" => self.per_turn.iter().copied().chain([1.0, 2.0]).collect(),
+            "periods-per-turn" => {
+                let usual: &[f64] = if parameter.is_whole { &USUAL_PER_TURN } else { &[1.0, 2.0] };
+                self.per_turn.iter().chain(usual).copied().collect()
+            }
             "period-mm" => turns(1e3)
                 .chain([1.0, 0.5, 6.0].map(|share| 1e3 * share * self.lead_m))
                 .chain([1.0, 0.67, 0.4].map(|share| 1e3 * share * (self.span_m[1] - self.span_m[0])))
                 .collect(),
             "time-constant-s" => [0.15, 0.5, 1.5].map(|share| share * self.session_s).to_vec(),
             "centre-mm" => (0..PLACES).map(|number| self.place_mm(number)).collect(),
-            "period-um" => turns(1e6).collect(),
+            "period-um" => {
+                let lines = USUAL_LINES.map(|lines| 1e6 * self.lead_m / lines);
+                turns(1e6).chain(lines).chain(USUAL_PERIODS_UM).collect()
+            }
             _ => Vec::new(),
         }
     }
