@@ -266,11 +266,18 @@ fn moved(model: &Model, at: &[f64], mut curvature: DMatrix<f64>, slope: &DVector
 }
 
 impl Fitted {
-    /// Whether a coordinate is so many of its standard deviations from zero, all others as they follow it; a base
-    /// parameter follows as far as it reaches.
+    /// Whether an amplitude is so many of its standard deviations from zero, all others as they follow it but for those
+    /// that say what it is an amplitude of; a base parameter follows as far as it reaches.
     pub fn is_surely_not_zero(&self, at: usize, deviations: f64) -> bool {
         let coordinates = self.model.coordinates();
-        let covariance = |one: usize, other: usize| self.covariance[(one, other)];
+        let mut known = self.covariance.clone();
+        for of in self.model.shapes() {
+            let variance = known[(of, of)];
+            if of != at && variance > 0.0 {
+                known -= known.column(of) * known.row(of) / variance;
+            }
+        }
+        let covariance = |one: usize, other: usize| known[(one, other)];
         let (mut value, mut variance) = (coordinates[at], covariance(at, at));
         for (base, from) in self.model.base.iter().enumerate() {
             let wanted = from - coordinates[at] * covariance(base, at) / covariance(at, at);
@@ -367,6 +374,24 @@ mod tests {
             Fitted { model: model.clone(), cost: 0.0, total: 0.0, covariance }
         };
         assert!(fitted(current_loop()).is_surely_not_zero(place, 4.0));
+        assert!(!fitted(MASS).is_surely_not_zero(place, 4.0));
+    }
+
+    #[test]
+    fn an_amplitude_is_sure_whatever_its_time_is_not() {
+        let growth = Tried { entry: entry("thermal-growth").expect("an effect"), values: [20.0, 600.0, 0.0] };
+        let model = slow().with(growth);
+        let place = model.first_coordinate(0);
+        let wide = 10.0 * model.coordinates()[place];
+        let fitted = |with: usize| {
+            let mut covariance = DMatrix::identity(model.coordinate_count(), model.coordinate_count());
+            covariance[(place, place)] = wide * wide;
+            for (row, column) in [(place, with), (with, place)] {
+                covariance[(row, column)] = 0.9999 * wide;
+            }
+            Fitted { model: model.clone(), cost: 0.0, total: 0.0, covariance }
+        };
+        assert!(fitted(place + 1).is_surely_not_zero(place, 4.0), "twice as much in twice the time");
         assert!(!fitted(MASS).is_surely_not_zero(place, 4.0));
     }
 }

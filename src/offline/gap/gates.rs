@@ -49,6 +49,14 @@ impl Candidate {
     }
 }
 
+impl Candidate {
+    /// Whether it explains what there is, and only its values are not what such an effect has.
+    pub fn is_doubtful(&self) -> bool {
+        let of_values = [Gate::Amplitude, Gate::Bounds, Gate::Whole];
+        !self.failed.is_empty() && self.failed.iter().all(|gate| of_values.contains(gate))
+    }
+}
+
 /// What a candidate has to pass.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]

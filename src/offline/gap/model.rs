@@ -224,6 +224,15 @@ impl Model {
         BASE.len() + before.map(|tried| tried.entry.parameters.len()).sum::<usize>()
     }
 
+    /// Coordinates of effects that are no amplitudes: where one is zero they say nothing.
+    pub fn shapes(&self) -> impl Iterator<Item = usize> {
+        (0..self.effects.len()).flat_map(|place| {
+            let (first, entry) = (self.first_coordinate(place), self.effects[place].entry);
+            let shapes = (0..entry.parameters.len()).filter(|of| !entry.is_amplitude(*of));
+            shapes.map(move |of| first + of)
+        })
+    }
+
     /// Whether a coordinate moves anything: a share of what the file says is nothing does not.
     pub fn is_free(&self, coordinate: usize) -> bool {
         let twin = Twin { plant: self.nominal, current_gain: 1.0 };

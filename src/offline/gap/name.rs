@@ -132,15 +132,18 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
         let margin = NEAR.0.max(NEAR.1 * best.evidence);
         // What says no more with more numbers is no other explanation.
         let count = |candidate: &Candidate| candidate.fitted.model.coordinate_count();
-        let (class, rest): (Vec<Candidate>, Vec<Candidate>) = passed.into_iter().partition(|candidate| {
+        let (mut class, rest): (Vec<Candidate>, Vec<Candidate>) = passed.into_iter().partition(|candidate| {
             let is_near = candidate.evidence > best.evidence - margin && count(candidate) <= count(&best);
             is_near || is_alias(best.name(), candidate.name())
         });
         let runner_up =
             rest.first().or(refused.first()).map(|next| (next.name(), best.evidence - next.evidence));
+        // What explains more and has odd values makes the best no sure name.
+        let is_beyond = |one: &&Candidate| one.is_doubtful() && one.evidence > best.evidence + margin;
+        class.extend(refused.iter().filter(is_beyond).cloned());
         // Tempered: what is near a tie is to be told as one.
         let weights: Vec<f64> =
-            class.iter().map(|one| (0.5 * (one.evidence - best.evidence) / margin).exp()).collect();
+            class.iter().map(|one| (0.5 * (one.evidence - best.evidence).min(0.0) / margin).exp()).collect();
         let all: f64 = weights.iter().sum();
         let class = class.into_iter().zip(weights.iter().map(|weight| weight / all)).collect();
         progress(&format!("{}: is it needed?", best.name()));

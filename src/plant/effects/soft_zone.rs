@@ -17,7 +17,7 @@ pub(super) const ENTRY: Entry = Entry {
     equation: "F_screw = K (d - s clamp(d, -h, h)) + C d'",
     parameters: &[
         Parameter::new("softness-percent", "%", [0.0, 95.0], 60.0, 30.0),
-        Parameter::new("half-width-um", "um", [0.1, 10.0], 2.0, 2.0),
+        Parameter::new("half-width-um", "um", [0.1, 30.0], 2.0, 2.0),
     ],
     coordinate: Coordinate::ScrewForce,
     experiment: Experiment::SmallReversals,
