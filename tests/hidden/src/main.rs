@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Instant;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use clap::{Parser, Subcommand};
 use hidden::case::Bench;
 use hidden::plan::{Choice, Plan, list};
@@ -40,6 +40,8 @@ enum Verb {
         /// Folder of the answers, a JSON file for each case
         #[arg(long)]
         results: PathBuf,
+        #[command(flatten)]
+        wanted: Wanted,
     },
     /// Make cases, let a program answer each, and score it
     Run {
@@ -61,14 +63,24 @@ enum Verb {
         jobs: usize,
         #[command(flatten)]
         choice: Choice,
+        #[command(flatten)]
+        wanted: Wanted,
     },
+}
+
+#[derive(clap::Args)]
+struct Wanted {
+    /// Fail if a sure name is wrong, if anything is named where nothing is missing, or if fewer than this share of single
+    /// effects of medium and large severity get their name first
+    #[arg(long, value_name = "SHARE")]
+    hold: Option<f64>,
 }
 
 fn main() -> Result<()> {
     match Arguments::parse().verb {
         Verb::Make { out, choice } => make(&out, &choice),
-        Verb::Score { cases, results } => print_score(&cases, &results),
-        Verb::Run { quadrant, arguments, out, keep, jobs, choice } => {
+        Verb::Score { cases, results, wanted } => print_score(&cases, &results, &wanted),
+        Verb::Run { quadrant, arguments, out, keep, jobs, choice, wanted } => {
             let (cases, results) = (out.join("cases"), out.join("results"));
             fs::create_dir_all(&results).with_context(|| format!("cannot make {}", results.display()))?;
             let path =
@@ -88,7 +100,7 @@ fn main() -> Result<()> {
                 }
                 Ok(is_made)
             })?;
-            print_score(&cases, &results)
+            print_score(&cases, &results, &wanted)
         }
     }
 }
@@ -98,9 +110,11 @@ fn make(out: &Path, choice: &Choice) -> Result<()> {
     work(choice, processors, |bench, plan| Ok(bench.make(plan, out)?.is_some()))
 }
 
-fn print_score(cases: &Path, results: &Path) -> Result<()> {
+fn print_score(cases: &Path, results: &Path, wanted: &Wanted) -> Result<()> {
     let judged = score::judged(cases, results)?;
     println!("{}\n{}", score::table(&judged), score::confusion(&judged));
+    let faults = wanted.hold.map_or_else(Vec::new, |least_right| score::faults(&judged, least_right));
+    ensure!(faults.is_empty(), "it does not hold:\n{}", faults.join("\n"));
     Ok(())
 }
 

@@ -1,7 +1,7 @@
 //! The score of made-up answers to made-up cases, counted by hand.
 
 use hidden::case::Truth;
-use hidden::score::{Answer, Judged, confusion, table};
+use hidden::score::{Answer, Judged, confusion, faults, table};
 use serde_json::{Value, json};
 
 fn judged(truth: &[(&str, &str, &str)], role: &str, severity: Value, answer: Value) -> Judged {
@@ -92,4 +92,20 @@ fn every_case_is_in_one_cell() {
     let count: usize =
         cells.flat_map(|row| row.split_whitespace().skip(1)).filter_map(|n| n.parse::<usize>().ok()).sum();
     assert_eq!(count, cases().len(), "{matrix}");
+}
+
+#[test]
+fn what_must_not_be_said_is_a_fault() {
+    let found = faults(&cases(), 0.5);
+    // Of six plain effects one is named right, another one on the wrong axis.
+    let wanted = [
+        "made-up: presliding, and sure of it",
+        "made-up: backlash, and sure of it",
+        "made-up: stribeck where nothing is missing",
+        "made-up: no answer",
+        "2 of 5 plain effects named, wanted 0.5",
+    ];
+    assert_eq!(found, wanted);
+    let right = judged(&[("x", "backlash", "h")], "single", json!("large"), named(&[("x", "backlash")]));
+    assert_eq!(faults(&[right], 1.0), [""; 0]);
 }

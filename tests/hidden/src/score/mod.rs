@@ -132,6 +132,33 @@ impl Judged {
     }
 }
 
+/// What of some answers does not hold: a wrong name that is said for sure, any name where nothing is missing, an answer
+/// that failed, and fewer right first names of plain single effects than this share of them.
+pub fn faults(all: &[Judged], least_right: f64) -> Vec<String> {
+    let fault = |judged: &Judged| {
+        let (id, says) = (&judged.truth.id, judged.answer.says());
+        let is_missing_nothing = judged.is(Role::Null) || judged.is(Role::Decoy);
+        let is_sure = judged.answer.verdict == "named";
+        if says.is_empty() || says == "failed" {
+            Some(format!("{id}: no answer"))
+        } else if is_missing_nothing && judged.answer.has_name() {
+            Some(format!("{id}: {says} where nothing is missing"))
+        } else if judged.is(Role::Single) && is_sure && !judged.is_exact() {
+            Some(format!("{id}: {says}, and sure of it"))
+        } else {
+            None
+        }
+    };
+    let mut faults: Vec<String> = all.iter().filter_map(fault).collect();
+    let plain: Vec<&Judged> =
+        all.iter().filter(|judged| judged.is(Role::Single) && judged.is_plain_to_see()).collect();
+    let right = plain.iter().filter(|judged| judged.is_exact()).count();
+    if (right as f64) < least_right * plain.len() as f64 {
+        faults.push(format!("{right} of {} plain effects named, wanted {least_right}", plain.len()));
+    }
+    faults
+}
+
 /// All cases below a folder that have an answer in another.
 pub fn judged(cases: &Path, results: &Path) -> Result<Vec<Judged>> {
     let mut all = Vec::new();
