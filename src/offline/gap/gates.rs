@@ -22,6 +22,9 @@ pub(super) const FALL: f64 = 10.0;
 /// leaned on the table in one of those runs.
 pub(super) const HELD_FALL: f64 = 25.0;
 const HELD_SHARE: f64 = 0.02;
+/// A further effect must make the cost fall there by this share of what those before it did: their equations may be off by as
+/// much, and so is what they leave.
+const FURTHER: f64 = 0.04;
 /// Cost per row that is plainly more than noise, which is 1.
 const PLAIN: f64 = 1.1;
 /// An amplitude must be so many of its standard deviations.
@@ -91,12 +94,13 @@ pub(super) fn does_not_show_where_judged(
     per_row(without) > PLAIN && per_row(with) < 1.0 && !held[1].is_surely_worse_than(held[0])
 }
 
-/// Models with an effect more, fitted to all rows and put to every gate but the last.
+/// Models with an effect more, fitted to all rows and put to every gate but the last; those that the model has already
+/// explain so much of the rows that judge.
 pub(super) fn tried(
     problem: &Problem<'_>,
     here: &Linear,
     without: &Fitted,
-    blocks_without: &Blocks,
+    (blocks_without, explained): (&Blocks, f64),
     promising: &[Model],
     (once, start): (&Problem<'_>, &Model),
     rows: [usize; 2],
@@ -124,7 +128,8 @@ pub(super) fn tried(
             failed.push(Gate::Fit);
         }
         let is_hidden = does_not_show_where_judged(without, &fitted, [blocks_without, &blocks], rows);
-        if !is_hidden && (held_fall <= HELD_FALL || (without_held - held) < HELD_SHARE * left) {
+        let least = f64::max(HELD_SHARE * left, FURTHER * explained);
+        if !is_hidden && (held_fall <= HELD_FALL || without_held - held < least) {
             failed.push(Gate::Held);
         }
         if !is_hidden && !blocks_without.is_surely_worse_than(&blocks) {

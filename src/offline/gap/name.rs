@@ -101,6 +101,7 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
     let (problem, coarse) = coarsely(problem, start);
     let (problem, once) = (&problem, problem.first_passes());
     let (mut model, mut blocks) = (coarse.clone(), Blocks::new(problem, &coarse.model));
+    let alone_held = blocks.cost();
     // The base at its bottom, which is known where a name was put to the test.
     let mut base: Option<Fitted> = None;
     let mut effects: Vec<NamedEffect> = Vec::new();
@@ -119,7 +120,8 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
         let mut here = None;
         for promising in promising.iter().filter(|promising| !promising.is_empty()) {
             let here = here.get_or_insert_with(|| linear(problem, &model.model));
-            candidates.extend(tried(problem, here, &model, &blocks, promising, (&once, start), rows));
+            let judged = (&blocks, alone_held - blocks.cost());
+            candidates.extend(tried(problem, here, &model, judged, promising, (&once, start), rows));
             if candidates.iter().any(|candidate: &Candidate| candidate.failed.is_empty()) {
                 break;
             }
