@@ -35,8 +35,8 @@ pub(super) struct Printed {
 struct Effect {
     axis: String,
     name: &'static str,
-    parameters: BTreeMap<&'static str, f64>,
-    interval: BTreeMap<&'static str, [f64; 2]>,
+    parameters: BTreeMap<String, f64>,
+    interval: BTreeMap<String, [f64; 2]>,
     confidence: f64,
     alternatives: Vec<&'static str>,
     /// What would tell it from those of its class; nothing where nothing does, or none is needed.
@@ -128,31 +128,28 @@ impl Printed {
         if before > 0.0 {
             gap.heldout_closed_fraction = 1.0 - after / before;
         }
-        let effects = analysis
-            .axes
-            .iter()
-            .flat_map(|axis| {
-                let axis_name = name(axis);
-                axis.named.effects.iter().enumerate().flat_map(move |(place, named)| {
-                    let axis_name = axis_name.clone();
-                    // What came next is no member of a class.
-                    let is_alone = named.class.len() == 1;
-                    let runner_up = named.runner_up.filter(|_| is_alone).map(|(name, _)| name);
-                    named.class.iter().enumerate().map(move |(rank, (candidate, weight))| {
-                        let others = named.members();
-                        let alternatives =
-                            others.filter(|other| *other != candidate.name()).chain(runner_up).collect();
-                        // The likeliest beside all that was named later.
-                        let (fitted, place) = match rank {
-                            0 => (&axis.named.model, place),
-                            _ => (&candidate.fitted, candidate.fitted.model.effects.len() - 1),
-                        };
-                        let effect = Effect::new(axis_name.clone(), fitted, place, *weight, alternatives);
-                        Effect { told_apart_by: named.told_apart_by().map(|by| by.to_string()), ..effect }
-                    })
+        let effects = analysis.axes.iter().flat_map(|axis| {
+            let axis_name = name(axis);
+            axis.named.effects.iter().enumerate().flat_map(move |(place, named)| {
+                let axis_name = axis_name.clone();
+                // What came next is no member of a class.
+                let is_alone = named.class.len() == 1;
+                let runner_up = named.runner_up.filter(|_| is_alone).map(|(name, _)| name);
+                named.class.iter().enumerate().map(move |(rank, (candidate, weight))| {
+                    let others = named.members();
+                    let alternatives =
+                        others.filter(|other| *other != candidate.name()).chain(runner_up).collect();
+                    // The likeliest beside all that was named later.
+                    let (fitted, place) = match rank {
+                        0 => (&axis.named.model, place),
+                        _ => (&candidate.fitted, candidate.fitted.model.effects.len() - 1),
+                    };
+                    let effect = Effect::new(axis_name.clone(), fitted, place, *weight, alternatives);
+                    Effect { told_apart_by: named.told_apart_by().map(|by| by.to_string()), ..effect }
                 })
             })
-            .collect();
+        });
+        let effects = once(effects);
         let axes = analysis.axes.iter().map(|axis| {
             let [fit, held] = axis.named.rows;
             let refused = axis.named.refused.iter().map(|candidate| Refused {
@@ -288,11 +285,53 @@ impl Effect {
         Self {
             axis,
             name: fitted.model.effects[place].entry.effect(),
-            parameters: values.iter().map(|(key, value, _)| (*key, *value)).collect(),
-            interval: values.into_iter().map(|(key, _, interval)| (key, interval)).collect(),
+            parameters: values.iter().map(|(key, value, _)| ((*key).to_owned(), *value)).collect(),
+            interval: values.into_iter().map(|(key, _, interval)| (key.to_owned(), interval)).collect(),
             confidence,
             alternatives,
             told_apart_by: None,
         }
+    }
+
+    /// The same with a second harmonic of its own in it.
+    fn take_in(&mut self, harmonic: Self) {
+        let second = |key: &String| format!("second-{key}");
+        self.parameters.extend(harmonic.parameters.iter().map(|(key, value)| (second(key), *value)));
+        self.interval.extend(harmonic.interval.iter().map(|(key, interval)| (second(key), *interval)));
+    }
+}
+
+/// Each effect of an axis once.
+fn once(effects: impl Iterator<Item = Effect>) -> Vec<Effect> {
+    let mut all: Vec<Effect> = Vec::new();
+    for effect in effects {
+        match all.iter_mut().find(|first| first.axis == effect.axis && first.name == effect.name) {
+            Some(first) => first.take_in(effect),
+            None => all.push(effect),
+        }
+    }
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_second_harmonic_is_told_with_its_effect() {
+        let cogging = |axis: &str, torque_nm: f64| Effect {
+            axis: axis.to_owned(),
+            name: "motor-cogging",
+            parameters: BTreeMap::from([("torque-nm".to_owned(), torque_nm)]),
+            interval: BTreeMap::from([("torque-nm".to_owned(), [0.9 * torque_nm, 1.1 * torque_nm])]),
+            confidence: 1.0,
+            alternatives: Vec::new(),
+            told_apart_by: None,
+        };
+        let effects = once([cogging("x", 2.0), cogging("y", 3.0), cogging("x", 1.0)].into_iter());
+        let [x, y] = effects.as_slice() else { panic!("{effects:?}") };
+        assert_eq!(x.parameters.values().copied().collect::<Vec<f64>>(), [1.0, 2.0]);
+        assert!(x.interval.contains_key("second-torque-nm"));
+        assert_eq!(y.parameters.len(), 1);
     }
 }
