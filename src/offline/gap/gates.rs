@@ -25,8 +25,8 @@ const HELD_SHARE: f64 = 0.02;
 /// A further effect must make the cost fall there by this share of what those before it did: their equations may be off by as
 /// much, and so is what they leave.
 const FURTHER: f64 = 0.04;
-/// Cost per row that is plainly more than noise, which is 1.
-const PLAIN: f64 = 1.1;
+/// Cost per row that is plainly more than that of noise, as a ratio.
+const PLAIN: f64 = 1.05;
 /// An amplitude must be so many of its standard deviations.
 const SURE: f64 = 4.0;
 /// A number that is as far from a whole one as its uncertainty allows, and within these, may be whole.
@@ -91,7 +91,7 @@ pub(super) fn does_not_show_where_judged(
     rows: [usize; 2],
 ) -> bool {
     let per_row = |fitted: &Fitted| fitted.cost / rows[0].max(1) as f64;
-    per_row(without) > PLAIN && per_row(with) < 1.0 && !held[1].is_surely_worse_than(held[0])
+    per_row(without) > PLAIN * per_row(with) && per_row(with) < 1.0 && !held[1].is_surely_worse_than(held[0])
 }
 
 /// Models with an effect more, fitted to all rows and put to every gate but the last; those that the model has already
@@ -179,7 +179,7 @@ mod tests {
             (1.13, 0.76, 400.0, true),
             // It does not make all of it noise, or there was hardly more than noise.
             (1.5, 1.1, 400.0, false),
-            (1.05, 0.76, 400.0, false),
+            (0.79, 0.76, 400.0, false),
             // Surely worse where it is judged.
             (1.13, 0.76, 410.0, false),
         ] {
