@@ -7,7 +7,7 @@
 //!
 //! Stick and slip are events: near a reversal rows jump where a model lands on another branch, and one event that comes
 //! at another moment would outvote minutes of motion. So rows beyond `K` standard deviations count by a bounded loss
-//! (the tail of Geman and McClure's), and on the way there, from afar, by their size (Huber's). Derivatives
+//! (the tail of Geman and McClure's), or where it is asked what could explain them by their size (Huber's). Derivatives
 //! are differences over a step as wide as what is not known of a coordinate: wide against the roughness of the events
 //! at first, and narrow where a coordinate is known well.
 //! Invariant: a coordinate that moves nothing has no column.
