@@ -9,7 +9,7 @@
 
 use crate::base::units::{Force, Velocity};
 use crate::plant::Parameters;
-use crate::plant::effects::{Entry, Parameter, VALUES_MAX, Values};
+use crate::plant::effects::{Entry, Parameter, VALUES_MAX, Values, entry};
 
 /// What a simulation is run with.
 #[derive(Clone, Copy, Debug)]
@@ -150,6 +150,9 @@ pub const BASE: [Base; 11] = [
     },
 ];
 
+/// Effects of one amplitude in the same unit that change much the same.
+const ALIKE: [[&str; 2]; 1] = [["actuator-delay", "current-loop-lag"]];
+
 /// An effect with the values it is tried with.
 #[derive(Clone, Copy, Debug)]
 pub struct Tried {
@@ -190,6 +193,18 @@ impl Model {
         let mut model = self.clone();
         model.effects.remove(place);
         model
+    }
+
+    /// The same with the effect that is like its last one in that one's place, as large; nothing where none is.
+    pub fn with_last_as_alike(&self) -> Option<Self> {
+        let last = self.effects.last()?;
+        let other = ALIKE.iter().find_map(|pair| {
+            let place = pair.iter().position(|name| *name == last.entry.name)?;
+            entry(pair[1 - place])
+        })?;
+        let mut values: Values = [0.0; VALUES_MAX];
+        values[0] = last.values[0];
+        Some(self.without(self.effects.len() - 1).with(Tried { entry: other, values }))
     }
 
     /// What it is simulated with.
@@ -323,4 +338,22 @@ impl Model {
 
 fn wrapped(deg: f64) -> f64 {
     (deg + 180.0).rem_euclid(360.0) - 180.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plant::tests::paper_axis;
+
+    #[test]
+    fn what_is_alike_takes_the_place_of_the_other_and_its_size() {
+        let tried = |name: &str| Tried { entry: entry(name).expect("an effect"), values: [700.0, 0.0, 0.0] };
+        let model = Model::new(paper_axis()).with(tried("backlash")).with(tried("current-loop-lag"));
+        let other = model.with_last_as_alike().expect("a delay");
+        let names: Vec<&str> = other.effects.iter().map(|tried| tried.entry.name).collect();
+        assert_eq!(names, ["backlash", "actuator-delay"]);
+        assert_eq!(other.effects[1].values[0], 700.0);
+        assert_eq!(other.with_last_as_alike().expect("a lag").effects[1].entry.name, "current-loop-lag");
+        assert!(Model::new(paper_axis()).with(tried("backlash")).with_last_as_alike().is_none());
+    }
 }

@@ -259,6 +259,20 @@ fn screened(once: &Problem<'_>, here: &Linear, listed: &[Scored]) -> [Vec<Model>
     };
     let ended = |begun: Fitted| fit(once, &begun.model, Effort::Coarse(ITERATIONS[1] - FEW), Some(here));
     let mut begun: Vec<Fitted> = listed.par_iter().take(FITTED).map(begun).collect();
+    // What is alike is tried from where the other went: where one leads far from the base, the linear estimate of the
+    // other may not.
+    let alike = begun
+        .par_iter()
+        .filter_map(|one| Some(fit(once, &one.model.with_last_as_alike()?, Effort::Coarse(FEW), Some(here))));
+    let alike: Vec<Fitted> = alike.collect();
+    for other in alike {
+        let name = |fitted: &Fitted| fitted.model.effects.last().map(|tried| tried.entry.name);
+        match begun.iter_mut().find(|one| name(one) == name(&other)) {
+            Some(one) if one.total <= other.total => {}
+            Some(one) => *one = other,
+            None => begun.push(other),
+        }
+    }
     let least = SHARES[0] * best(&begun);
     begun.retain(|one| explained(one) > least);
     let mut ended: Vec<Fitted> = begun.into_par_iter().map(ended).collect();
