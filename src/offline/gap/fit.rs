@@ -183,6 +183,11 @@ fn kicks(model: &Model, covariance: &DMatrix<f64>) -> Vec<Model> {
     (0..at.len()).filter(is_known).flat_map(|coordinate| KICKS.map(|by| moved(coordinate, by))).collect()
 }
 
+/// What a model costs of the rows it is fitted to, and by what is believed of it.
+pub fn total_of(problem: &Problem<'_>, model: &Model) -> f64 {
+    left_by(problem, model, Loss::LAST).1
+}
+
 /// What a model leaves of all runs, and the total.
 fn left_by(problem: &Problem<'_>, model: &Model, loss: Loss) -> (Vec<Residual>, f64) {
     let left = residuals(problem, model, Part::Fit);

@@ -50,9 +50,7 @@ impl Candidate {
     pub fn name(&self) -> &'static str {
         self.fitted.model.effects.last().map_or("", |tried| tried.entry.effect())
     }
-}
 
-impl Candidate {
     /// Whether it explains what there is, and only its values are not what such an effect has.
     pub fn is_doubtful(&self) -> bool {
         let of_values = [Gate::Amplitude, Gate::Bounds, Gate::Whole];

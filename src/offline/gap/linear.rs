@@ -79,11 +79,6 @@ pub fn residuals(problem: &Problem<'_>, model: &Model, part: Part) -> Vec<Residu
     problem.places(part).into_par_iter().map(|place| problem.residual(place, model, part)).collect()
 }
 
-/// Sum of `ρ` of a model over a part of all runs.
-pub fn cost_of(problem: &Problem<'_>, model: &Model, part: Part) -> f64 {
-    residuals(problem, model, part).iter().map(|run| Loss::LAST.sum(run)).sum()
-}
-
 /// What one coordinate changes of what is left of a run; nothing where it is at its end.
 pub type Column = Option<Arc<Residual>>;
 

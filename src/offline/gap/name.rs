@@ -13,9 +13,9 @@
 use rayon::prelude::*;
 
 use super::blocks::Blocks;
-use super::fit::{Effort, Fitted, believed, fit};
+use super::fit::{Effort, Fitted, believed, fit, total_of};
 use super::gates::{Candidate, FALL, Gate, HELD_FALL, does_not_show_where_judged, tried};
-use super::linear::{Linear, Steps, cost_of, residuals};
+use super::linear::{Linear, Steps, residuals};
 use super::model::Model;
 use super::problem::{Part, Problem};
 use super::refit::{ITERATIONS, base_refitted, coarsely, is_far, refitted, scale};
@@ -252,9 +252,8 @@ fn screened(once: &Problem<'_>, here: &Linear, listed: &[Scored]) -> [Vec<Model>
     };
     let best = |all: &[Fitted]| all.iter().map(explained).fold(0.0, f64::max);
     let begun = |scored: &Scored| {
-        let total = |start: &Model| cost_of(once, start, Part::Fit) + believed(start);
         let [first, second] = &scored.starts;
-        let start = if total(second) < total(first) { second } else { first };
+        let start = if total_of(once, second) < total_of(once, first) { second } else { first };
         fit(once, start, Effort::Coarse(FEW), Some(here))
     };
     let ended = |begun: Fitted| fit(once, &begun.model, Effort::Coarse(ITERATIONS[1] - FEW), Some(here));

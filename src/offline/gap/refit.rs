@@ -4,10 +4,9 @@
 
 use rayon::prelude::*;
 
-use super::fit::{Effort, Fitted, LEAST_PER_ROW, believed, fit};
-use super::linear::cost_of;
+use super::fit::{Effort, Fitted, LEAST_PER_ROW, fit, total_of};
 use super::model::Model;
-use super::problem::{Part, Problem};
+use super::problem::Problem;
 
 /// Iterations of coarse fits: of the base, and of a candidate with it.
 pub(super) const ITERATIONS: [usize; 2] = [12, 6];
@@ -30,8 +29,6 @@ pub(super) fn refitted(problem: &Problem<'_>, once: &Problem<'_>, model: &Model,
 /// way is always the best.
 fn by_all_ways(problem: &Problem<'_>, once: &Problem<'_>, model: &Model, start: &Model) -> Model {
     let of_file = Model { base: start.base, ..model.clone() };
-    let ended =
-        |once: &Problem<'_>, model: &Model| fit(once, model, Effort::Coarse(ITERATIONS[0]), None).model;
     let way = |(seed, reaches): (usize, &&[f64])| {
         let nearer =
             |model: Model, reach: &f64| ended(&once.where_straight(&model, *reach, seed as u64), &model);
@@ -49,9 +46,13 @@ fn by_all_ways(problem: &Problem<'_>, once: &Problem<'_>, model: &Model, start: 
     deepest(ends)
 }
 
+/// Where a coarse fit of the base ends.
+fn ended(problem: &Problem<'_>, model: &Model) -> Model {
+    fit(problem, model, Effort::Coarse(ITERATIONS[0]), None).model
+}
+
 fn with_totals(problem: &Problem<'_>, ends: Vec<Model>) -> Vec<(f64, Model)> {
-    let total = |model: &Model| cost_of(problem, model, Part::Fit) + believed(model);
-    ends.into_iter().map(|model| (total(&model), model)).collect()
+    ends.into_iter().map(|model| (total_of(problem, &model), model)).collect()
 }
 
 fn deepest(ends: Vec<(f64, Model)>) -> Model {
@@ -60,8 +61,7 @@ fn deepest(ends: Vec<(f64, Model)>) -> Model {
 
 /// The base fitted to the bottom from where it stands beside an effect, and from where it was fitted without.
 pub(super) fn base_refitted(problem: &Problem<'_>, once: &Problem<'_>, ends: [&Model; 2]) -> Fitted {
-    let ended = |model: &&Model| fit(once, model, Effort::Coarse(ITERATIONS[0]), None).model;
-    let ends = ends.par_iter().map(ended).collect();
+    let ends = ends.par_iter().map(|model| ended(once, model)).collect();
     fit(problem, &deepest(with_totals(problem, ends)), Effort::Fine, None)
 }
 

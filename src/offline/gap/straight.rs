@@ -15,9 +15,11 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
 
+use super::floor::Pick;
 use super::forward::Signals;
 use super::model::{BASE, Model};
 use super::problem::{AxisData, Problem, SIGNALS};
+use crate::offline::running_mean::running_mean;
 
 /// How many pairs of models are held against the one.
 const PAIRS: usize = 6;
@@ -39,7 +41,7 @@ impl Problem<'_> {
                 })
             })
             .collect();
-        let near = self.rows_in(NEAR_S);
+        let about = self.rows_in(2.0 * NEAR_S);
         let of = |place: usize| {
             let here = self.simulated(place, model);
             let sides = pairs.iter().map(|pair| pair.each_ref().map(|model| self.simulated(place, model)));
@@ -55,7 +57,7 @@ impl Problem<'_> {
             let mut data = self.data[place].clone();
             for (loudness, squares) in data.loudness.iter_mut().zip(&squares) {
                 loudness.resize(squares.len(), 1.0);
-                let power = mean_about(squares, near);
+                let power = running_mean(squares, about);
                 loudness
                     .iter_mut()
                     .zip(power)
@@ -68,21 +70,7 @@ impl Problem<'_> {
     }
 }
 
-fn bend(here: &Signals, sides: &[Signals; 2], pick: super::floor::Pick) -> Vec<f64> {
+fn bend(here: &Signals, sides: &[Signals; 2], pick: Pick) -> Vec<f64> {
     let [up, down] = sides.each_ref().map(pick);
     pick(here).iter().zip(up).zip(down).map(|((here, up), down)| 0.5 * (up + down) - here).collect()
-}
-
-/// Mean over each row and so many before and after it.
-fn mean_about(rows: &[f64], near: usize) -> Vec<f64> {
-    let so_far = |sum: &mut f64, row: &f64| {
-        *sum += row;
-        Some(*sum)
-    };
-    let sums: Vec<f64> = std::iter::once(0.0).chain(rows.iter().scan(0.0, so_far)).collect();
-    let of = |row: usize| {
-        let [from, to] = [row.saturating_sub(near), (row + near + 1).min(rows.len())];
-        (sums[to] - sums[from]) / (to - from) as f64
-    };
-    (0..rows.len()).map(of).collect()
 }

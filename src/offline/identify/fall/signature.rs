@@ -17,6 +17,8 @@ use std::f64::consts::TAU;
 use nalgebra::Complex;
 use rustfft::FftPlanner;
 
+use crate::offline::running_mean::running_mean;
+
 /// The numbers: mean forces first.
 pub(super) type Signature = Vec<f64>;
 
@@ -94,22 +96,6 @@ fn bands(force_n: &[f64], period_s: f64) -> Signature {
             .ln()
     };
     BANDS_HZ.windows(2).map(band).collect()
-}
-
-/// Mean over so many rows around each; fewer at the ends.
-fn running_mean(column: &[f64], rows: usize) -> Vec<f64> {
-    let mut sums = Vec::with_capacity(column.len() + 1);
-    sums.push(0.0);
-    sums.extend(column.iter().scan(0.0, |sum, value| {
-        *sum += value;
-        Some(*sum)
-    }));
-    (0..column.len())
-        .map(|row| {
-            let (from, to) = (row.saturating_sub(rows / 2), (row + rows / 2 + 1).min(column.len()));
-            (sums[to] - sums[from]) / (to - from) as f64
-        })
-        .collect()
 }
 
 #[cfg(test)]

@@ -81,6 +81,12 @@ impl FoundEffect {
 }
 
 impl Answer {
+    /// Whether it is an answer at all.
+    fn is_one(&self) -> bool {
+        ["named", "class", "unknown", "nothing-missing", "parameter-only", "insufficient"]
+            .contains(&self.verdict.as_str())
+    }
+
     /// Whether something is named.
     fn has_name(&self) -> bool {
         ["named", "class"].contains(&self.verdict.as_str()) && !self.effects.is_empty()
@@ -130,6 +136,18 @@ impl Judged {
     fn is(&self, role: Role) -> bool {
         self.truth.role == role
     }
+
+    fn has_plain_effect(&self) -> bool {
+        self.is(Role::Single) && self.is_plain_to_see()
+    }
+
+    fn lacks_nothing(&self) -> bool {
+        self.is(Role::Null) || self.is(Role::Decoy)
+    }
+
+    fn is_surely_misnamed(&self) -> bool {
+        self.answer.verdict == "named" && !self.is_exact()
+    }
 }
 
 /// What of some answers does not hold: a wrong name that is said for sure, any name where nothing is missing, an answer
@@ -137,21 +155,18 @@ impl Judged {
 pub fn faults(all: &[Judged], least_right: f64) -> Vec<String> {
     let fault = |judged: &Judged| {
         let (id, says) = (&judged.truth.id, judged.answer.says());
-        let is_missing_nothing = judged.is(Role::Null) || judged.is(Role::Decoy);
-        let is_sure = judged.answer.verdict == "named";
-        if says.is_empty() || says == "failed" {
+        if !judged.answer.is_one() {
             Some(format!("{id}: no answer"))
-        } else if is_missing_nothing && judged.answer.has_name() {
+        } else if judged.lacks_nothing() && judged.answer.has_name() {
             Some(format!("{id}: {says} where nothing is missing"))
-        } else if judged.is(Role::Single) && is_sure && !judged.is_exact() {
+        } else if judged.is(Role::Single) && judged.is_surely_misnamed() {
             Some(format!("{id}: {says}, and sure of it"))
         } else {
             None
         }
     };
     let mut faults: Vec<String> = all.iter().filter_map(fault).collect();
-    let plain: Vec<&Judged> =
-        all.iter().filter(|judged| judged.is(Role::Single) && judged.is_plain_to_see()).collect();
+    let plain: Vec<&Judged> = all.iter().filter(|judged| judged.has_plain_effect()).collect();
     let right = plain.iter().filter(|judged| judged.is_exact()).count();
     if (right as f64) < least_right * plain.len() as f64 {
         faults.push(format!("{right} of {} plain effects named, wanted {least_right}", plain.len()));

@@ -40,7 +40,7 @@ pub fn table(judged: &[Judged]) -> String {
         judged.iter().filter(|case| cases(case)).map(is_hit).collect()
     };
     let single = |case: &Judged| case.is(Role::Single);
-    let plain = |case: &Judged| single(case) && case.is_plain_to_see();
+    let plain = |case: &Judged| case.has_plain_effect();
     let small = |case: &Judged| single(case) && case.truth.severity == Some(Severity::Small);
     let exact = |case: &Judged| case.is_exact();
     let class = |case: &Judged| case.is_in_class();
@@ -60,14 +60,9 @@ pub fn table(judged: &[Judged]) -> String {
     let right_axis = |case: &Judged| case.answer.effects[0].axis == case.truth.effects[0].axis;
     line("axis of a right name", "", shares(&|c| single(c) && c.is_exact(), &right_axis));
     let has_effect = |case: &Judged| case.is(Role::Single) || case.is(Role::Pair);
-    let misnamed = |case: &Judged| case.answer.verdict == "named" && !case.is_exact();
-    line("wrong name, said for sure", "<= 2", shares(&has_effect, &misnamed));
+    line("wrong name, said for sure", "<= 2", shares(&has_effect, &|c| c.is_surely_misnamed()));
     let named = |case: &Judged| case.answer.has_name();
-    line(
-        "any name where nothing is missing",
-        "<= 1",
-        shares(&|c| c.is(Role::Null) || c.is(Role::Decoy), &named),
-    );
+    line("any name where nothing is missing", "<= 1", shares(&|c| c.lacks_nothing(), &named));
     line("  without the decoys", "<= 1", shares(&|c| c.is(Role::Null), &named));
     let is_open = |case: &Judged| ["unknown", "insufficient"].contains(&case.answer.verdict.as_str());
     let strange = |case: &Judged| case.is(Role::Unknown) && case.is_plain_to_see();
@@ -88,7 +83,7 @@ pub fn table(judged: &[Judged]) -> String {
     line("names that are right", ">= 97", said.collect());
     let (errors, covered) = parameters(judged);
     line("parameters within their 95 % interval", "90 to 98", covered);
-    line("no answer or a failure", "0", shares(&|_| true, &|c| !is_verdict(&c.answer.verdict)));
+    line("no answer or a failure", "0", shares(&|_| true, &|c| !c.answer.is_one()));
     text.push('\n');
     quantiles(&mut text, "error of parameters, %", "5 and 15", errors, [0.5, 0.9]);
     let gaps = judged.iter().filter(|c| plain(c)).filter_map(|c| c.answer.gap.heldout_closed_fraction);
@@ -100,10 +95,6 @@ pub fn table(judged: &[Judged]) -> String {
     writeln!(text, "{:44} {error}  wanted 0.05 at most", "calibration error of the confidence")
         .expect("a string takes all text");
     text
-}
-
-fn is_verdict(verdict: &str) -> bool {
-    ["named", "class", "unknown", "nothing-missing", "parameter-only", "insufficient"].contains(&verdict)
 }
 
 fn is_found(case: &Judged, effect: &TrueEffect) -> bool {
