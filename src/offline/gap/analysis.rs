@@ -16,7 +16,7 @@ use super::name::{self, Named};
 use super::problem::{AxisData, Problem, SIGNALS};
 use super::repeats::{Repeat, first_pass, repeats};
 use super::runs::Run;
-use super::verdict::{SignalGap, Verdict, costs_more_than_noise, explains_too_little, gaps, verdict};
+use super::verdict::{SignalGap, Verdict, explains_too_little, gaps, leaves_a_shape, verdict};
 use crate::base::axis::AxisId;
 use crate::config::Machine;
 use crate::rt::wire::scaling::TravelCounts;
@@ -141,11 +141,12 @@ fn axis<'m>(
     let start = Model::new(machine.axes[id].plant);
     let mut named = name::name(&problem, &start, &say);
     let mut gap = gaps(&problem, &start, &named);
-    if costs_more_than_noise(&named) && explains_too_little(&problem, &named) {
+    let has_shape = leaves_a_shape(&problem, &named);
+    if explains_too_little(&problem, &named) || (has_shape && !named.effects.is_empty()) {
         named.withdraw();
         gap.iter_mut().for_each(|signal| signal.after = signal.before);
     }
-    let verdict = verdict(&named, &gap);
+    let verdict = verdict(&named, &gap, has_shape);
     let both = locate::both(&problem, &named.base.model, &named.model.model);
     let (located, runs_left) = (locate::located(&problem, &both), locate::runs_left(&problem, &both));
     Ok(AxisGap { id, problem, controller, named, verdict, located, runs_left, gap })

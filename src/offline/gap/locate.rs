@@ -121,9 +121,52 @@ pub fn runs_left(problem: &Problem<'_>, both: &Both) -> Vec<RunLeft> {
     (0..problem.data.len()).into_par_iter().flat_map_iter(of).collect()
 }
 
+/// Coordinates of a row, in the order of [`COORDINATES`].
+pub(super) type Coordinates = [f64; COORDINATES.len()];
+
+/// Where in [`COORDINATES`] one stands.
+pub(super) fn place_of(coordinate: Coordinate) -> usize {
+    COORDINATES.iter().position(|(own, _)| *own == coordinate).unwrap_or_default()
+}
+
+/// The coordinates of each row of a run.
+pub(super) fn coordinates(problem: &Problem<'_>, place: usize) -> Vec<Coordinates> {
+    let data = &problem.data[place];
+    let period_s = problem.machine.cycle.period.as_s();
+    let lead_m = problem.machine.axes[problem.id].plant.mechanics.lead_m;
+    let setpoints_m: Vec<f64> = data.course.setpoints_m().collect();
+    let start_s = data.course.begins().as_s();
+    let (mut way_m, mut since_s, mut side) = (0.0, 0.0, 0.0);
+    let mut coordinates = Vec::with_capacity(setpoints_m.len());
+    for row in 0..setpoints_m.len() {
+        let at = |row: usize| setpoints_m[row.min(setpoints_m.len() - 1)];
+        let velocity = (at(row + 1) - at(row.saturating_sub(1))) / (2.0 * period_s);
+        let later = (at(row + 9) - at(row + 7)) / (2.0 * period_s);
+        let is_moving = velocity.abs() > STANDING_M_PER_S;
+        if is_moving && velocity.signum() != side {
+            (way_m, since_s, side) = (0.0, 0.0, velocity.signum());
+        }
+        way_m += velocity.abs() * period_s;
+        since_s += period_s;
+        let position_m = setpoints_m[row] - data.measured.following_error_m[row];
+        coordinates.push([
+            1e3 * position_m,
+            1e3 * velocity,
+            if is_moving { side } else { 0.0 },
+            (position_m / lead_m).rem_euclid(1.0),
+            1e3 * way_m,
+            since_s,
+            (later - velocity) / (8.0 * period_s),
+            data.measured.current_a[row].abs(),
+            start_s + row as f64 * period_s,
+        ]);
+    }
+    coordinates
+}
+
 /// The rows of a run that count, with their coordinates.
 struct Rows {
-    coordinates: Vec<[f64; COORDINATES.len()]>,
+    coordinates: Vec<Coordinates>,
     /// By signal: what base and named model leave.
     left: [Vec<[f64; 2]>; SIGNALS.len()],
 }
@@ -131,35 +174,7 @@ struct Rows {
 impl Rows {
     fn new(problem: &Problem<'_>, simulated: &[Signals; 2], place: usize) -> Self {
         let data = &problem.data[place];
-        let period_s = problem.machine.cycle.period.as_s();
-        let lead_m = problem.machine.axes[problem.id].plant.mechanics.lead_m;
-        let setpoints_m: Vec<f64> = data.course.setpoints_m().collect();
-        let start_s = data.course.begins().as_s();
-        let (mut way_m, mut since_s, mut side) = (0.0, 0.0, 0.0);
-        let mut coordinates = Vec::with_capacity(setpoints_m.len());
-        for row in 0..setpoints_m.len() {
-            let at = |row: usize| setpoints_m[row.min(setpoints_m.len() - 1)];
-            let velocity = (at(row + 1) - at(row.saturating_sub(1))) / (2.0 * period_s);
-            let later = (at(row + 9) - at(row + 7)) / (2.0 * period_s);
-            let is_moving = velocity.abs() > STANDING_M_PER_S;
-            if is_moving && velocity.signum() != side {
-                (way_m, since_s, side) = (0.0, 0.0, velocity.signum());
-            }
-            way_m += velocity.abs() * period_s;
-            since_s += period_s;
-            let position_m = setpoints_m[row] - data.measured.following_error_m[row];
-            coordinates.push([
-                1e3 * position_m,
-                1e3 * velocity,
-                if is_moving { side } else { 0.0 },
-                (position_m / lead_m).rem_euclid(1.0),
-                1e3 * way_m,
-                since_s,
-                (later - velocity) / (8.0 * period_s),
-                data.measured.current_a[row].abs(),
-                start_s + row as f64 * period_s,
-            ]);
-        }
+        let coordinates = coordinates(problem, place);
         let counts = |row: &usize| data.fit[*row] || data.held[*row];
         let part = if data.has(Part::Fit) { Part::Fit } else { Part::Held };
         let left = SIGNALS.map(|(.., pick)| {

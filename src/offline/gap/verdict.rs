@@ -9,6 +9,7 @@ use serde::Serialize;
 
 use super::fit::Fitted;
 use super::floor::Noise;
+use super::foretold::foretold;
 use super::forward::Signals;
 use super::linear::BLOCK_S;
 use super::model::{BASE, Model};
@@ -20,6 +21,8 @@ pub const PRACTICAL_UM: f64 = 0.1;
 /// Where what is left without a name has the power of noise, names must close this share of it.
 const PLAIN: f64 = 1.0;
 const CLOSED: f64 = 0.75;
+/// Share of what names explain that may be left in a shape.
+const LEFT_SHARE: f64 = 0.1;
 /// Share of the time in which what is left says nothing of what is named.
 const LEANED: f64 = 0.05;
 /// Most effects of a class that still says something.
@@ -123,12 +126,22 @@ pub(super) fn gaps(problem: &Problem<'_>, file: &Model, named: &Named) -> Vec<Si
 }
 
 /// Noise costs one per row: an rms also counts what is slow, which passes do not repeat.
-pub(super) fn costs_more_than_noise(named: &Named) -> bool {
+fn costs_more_than_noise(named: &Named) -> bool {
     named.held > named.rows[1] as f64
+}
+
+/// Whether what is left has a shape that all runs share, which is something real; where names explain ten times as much, it
+/// may be their equations that are off.
+pub(super) fn leaves_a_shape(problem: &Problem<'_>, named: &Named) -> bool {
+    let explained = (named.base.cost - named.model.cost) + (named.base_held - named.held);
+    foretold(problem, &named.model.model).is_some_and(|left| left > LEFT_SHARE * explained)
 }
 
 /// Whether what was named leaves much of what there is: then it is something else that looks like it from afar.
 pub(super) fn explains_too_little(problem: &Problem<'_>, named: &Named) -> bool {
+    if !costs_more_than_noise(named) {
+        return false;
+    }
     let models = [&named.base.model, &named.model.model];
     let mut blocks = blocks_of_power(problem, models);
     // Somebody may have leaned on the table.
@@ -183,8 +196,8 @@ fn blocks_of_power(problem: &Problem<'_>, models: [&Model; 2]) -> Vec<[f64; 2]> 
     blocks
 }
 
-/// What is to be said of an axis.
-pub(super) fn verdict(named: &Named, gap: &[SignalGap]) -> Verdict {
+/// What is to be said of an axis, where what is left has a shape or has not.
+pub(super) fn verdict(named: &Named, gap: &[SignalGap], has_shape: bool) -> Verdict {
     let excess = |value: f64, floor: f64| (value * value - floor * floor).max(0.0).sqrt();
     let is_real = |of: fn(&SignalGap) -> f64| {
         gap.iter().any(|signal| {
@@ -207,7 +220,7 @@ pub(super) fn verdict(named: &Named, gap: &[SignalGap]) -> Verdict {
             Verdict::Named
         };
     }
-    if costs_more_than_noise(named) && is_real(|signal| signal.after) {
+    if has_shape || (costs_more_than_noise(named) && is_real(|signal| signal.after)) {
         return Verdict::Unknown;
     }
     let moved = |fitted: &Fitted| {

@@ -1,0 +1,174 @@
+//! Whether what a model leaves has a shape: one that all other runs foretell of each.
+//!
+//! ```text
+//!   all runs but one ──► means over bins of a coordinate, each way ──► what they explain of that one, block by block
+//! ```
+//!
+//! Noise foretells nothing; nor does what belongs to one run, as somebody who leaned on the table. A physical effect that has
+//! no name does, although it may be far less than noise in each row.
+//! Units: what is left is whitened, so that noise has variance 1; gains are sums of squares of that.
+//! Invariant: no run foretells itself.
+
+use rayon::prelude::*;
+
+use super::locate::{Coordinates, coordinates, place_of};
+use super::model::Model;
+use super::problem::{Part, Problem};
+use crate::plant::effects::Coordinate;
+
+/// Over what a shape is looked for, each way of the axis by itself: what comes again in other runs. Not over the current,
+/// which has the same noise in it as what is left of it.
+const OVER: [Coordinate; 6] = [
+    Coordinate::Position,
+    Coordinate::Velocity,
+    Coordinate::Angle,
+    Coordinate::WaySinceReversal,
+    Coordinate::TimeSinceReversal,
+    Coordinate::Acceleration,
+];
+/// Bins of a coordinate for each way.
+const BINS: usize = 24;
+/// Blocks that are independent of each other, s.
+const BLOCK_S: f64 = 1.0;
+/// Fewer tell no scatter.
+const LEAST_BLOCKS: usize = 8;
+/// A row that is further off, in standard deviations of noise, counts as one that is so far: stick and slip are events.
+const FAR: f64 = 4.0;
+/// The gain of all blocks must be so many of its own standard deviations, and so much.
+const SURE: f64 = 3.5;
+const LEAST: f64 = 100.0;
+
+/// How much of what a model leaves the surest of all shapes foretells, as a sum of squares; nothing where none is sure.
+pub(super) fn foretold(problem: &Problem<'_>, model: &Model) -> Option<f64> {
+    let places = (0..problem.data.len()).into_par_iter();
+    let runs: Vec<Run> = places.map(|place| Run::new(problem, model, place)).collect();
+    let signals = problem.noises.iter().flatten().count();
+    let shapes: Vec<(usize, Coordinate)> =
+        (0..signals).flat_map(|signal| OVER.map(|over| (signal, over))).collect();
+    let length = problem.rows_in(BLOCK_S);
+    let gain =
+        |(signal, over): &(usize, Coordinate)| sure_sum(&gains(&binned(&runs, *signal, *over), length));
+    shapes.par_iter().filter_map(gain).reduce_with(f64::max)
+}
+
+/// The rows of a run that count.
+struct Run {
+    coordinates: Vec<Coordinates>,
+    /// By signal: what the model leaves, whitened; empty where the run has it not.
+    left: Vec<Vec<f64>>,
+}
+
+impl Run {
+    fn new(problem: &Problem<'_>, model: &Model, place: usize) -> Self {
+        let (data, simulated) = (&problem.data[place], problem.simulated(place, model));
+        let parts = [Part::Fit, Part::Held].map(|part| problem.whitened(place, &simulated, part));
+        let counting: Vec<usize> =
+            (0..data.fit.len()).filter(|row| data.fit[*row] || data.held[*row]).collect();
+        let of = |[fit, held]: [&Vec<f64>; 2]| -> Vec<f64> {
+            // A row that is of another part is zero.
+            let rows = counting.iter().filter_map(|row| Some(fit.get(*row)? + held.get(*row)?));
+            rows.map(|left| left.clamp(-FAR, FAR)).collect()
+        };
+        let [fit, held] = &parts;
+        let left = fit.iter().zip(held).map(|(fit, held)| of([fit, held])).collect();
+        let all = coordinates(problem, place);
+        Self { coordinates: counting.iter().map(|row| all[*row]).collect(), left }
+    }
+}
+
+/// Of each run that has a signal, the bin of each row and what is left there; as many rows in each bin of all runs.
+fn binned(runs: &[Run], signal: usize, over: Coordinate) -> Vec<(Vec<usize>, &[f64])> {
+    let [over, way] = [over, Coordinate::Direction].map(place_of);
+    let runs = || runs.iter().filter(|run| run.left.get(signal).is_some_and(|left| !left.is_empty()));
+    let mut sorted: Vec<f64> = runs().flat_map(|run| run.coordinates.iter().map(|row| row[over])).collect();
+    sorted.sort_by(f64::total_cmp);
+    let mut ends: Vec<f64> =
+        (1..BINS).filter_map(|bin| sorted.get(bin * sorted.len() / BINS).copied()).collect();
+    // Values that are the same stay together.
+    ends.dedup();
+    let bin =
+        |row: &Coordinates| 2 * ends.partition_point(|end| *end <= row[over]) + usize::from(row[way] < 0.0);
+    runs().map(|run| (run.coordinates.iter().map(bin).collect(), run.left[signal].as_slice())).collect()
+}
+
+/// By how much the sum of squares of each block falls when the means of all other runs are taken off.
+fn gains(runs: &[(Vec<usize>, &[f64])], length: usize) -> Vec<f64> {
+    let sums: Vec<Vec<[f64; 2]>> = runs.iter().map(|(bins, left)| sums(bins, left)).collect();
+    let of = |(own, (bins, left)): (usize, &(Vec<usize>, &[f64]))| -> Vec<f64> {
+        let others = || sums.iter().enumerate().filter(|(run, _)| *run != own);
+        let mean = |bin: usize| {
+            let [sum, count] = others()
+                .map(|(_, sums)| sums[bin])
+                .fold([0.0; 2], |all, one| [all[0] + one[0], all[1] + one[1]]);
+            // A mean that may be chance is nearly none.
+            if count == 0.0 { 0.0 } else { sum / count * (1.0 - count / (sum * sum)).max(0.0) }
+        };
+        let means: Vec<f64> = (0..2 * BINS).map(mean).collect();
+        let gain = |(bin, left): (&usize, &f64)| means[*bin] * (2.0 * left - means[*bin]);
+        let gains: Vec<f64> = bins.iter().zip(*left).map(gain).collect();
+        gains.chunks_exact(length).map(|block| block.iter().sum()).collect()
+    };
+    runs.iter().enumerate().flat_map(of).collect()
+}
+
+/// Sum and count of each bin.
+fn sums(bins: &[usize], left: &[f64]) -> Vec<[f64; 2]> {
+    let mut sums = vec![[0.0; 2]; 2 * BINS];
+    for (bin, left) in bins.iter().zip(left) {
+        sums[*bin] = [sums[*bin][0] + left, sums[*bin][1] + 1.0];
+    }
+    sums
+}
+
+/// The sum of gains that is surely more than none.
+fn sure_sum(gains: &[f64]) -> Option<f64> {
+    let (count, sum) = (gains.len() as f64, gains.iter().sum::<f64>());
+    let scatter = gains.iter().map(|gain| (gain - sum / count).powi(2)).sum::<f64>() / (count - 1.0);
+    let is_sure = gains.len() >= LEAST_BLOCKS && sum > LEAST && sum > SURE * (count * scatter).sqrt();
+    is_sure.then_some(sum)
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64Mcg;
+
+    use super::*;
+
+    const BLOCK: usize = 200;
+
+    /// Six runs over eight bins, with noise of variance 1 and a shape of this size: the same in all, or each its own.
+    fn runs(size: f64, is_of_all: bool) -> Vec<(Vec<usize>, Vec<f64>)> {
+        let mut random = Pcg64Mcg::seed_from_u64(3);
+        let run = |place: usize| {
+            let bins: Vec<usize> = (0..10 * BLOCK).map(|row| row % 8).collect();
+            // Six rows of a Hadamard matrix have nothing in common.
+            let pattern = if is_of_all { 1 } else { 1 + place };
+            let sign = |bin: usize| if (bin & pattern).count_ones() % 2 == 0 { size } else { -size };
+            let mut noise = || (0..12).map(|_| random.random::<f64>()).sum::<f64>() - 6.0;
+            let left = bins.iter().map(|bin| sign(*bin) + noise()).collect();
+            (bins, left)
+        };
+        (0..6).map(run).collect()
+    }
+
+    fn found(size: f64, is_of_all: bool) -> Option<f64> {
+        let runs = runs(size, is_of_all);
+        let runs: Vec<(Vec<usize>, &[f64])> =
+            runs.iter().map(|(bins, left)| (bins.clone(), left.as_slice())).collect();
+        sure_sum(&gains(&runs, BLOCK))
+    }
+
+    #[test]
+    fn a_shape_far_below_the_noise_is_foretold_where_all_runs_have_it() {
+        // Twelve thousand rows of a fifth of a standard deviation: 480 of a sum of squares.
+        let gain = found(0.2, true).expect("a shape");
+        assert!((300.0..600.0).contains(&gain), "{gain}");
+    }
+
+    #[test]
+    fn noise_and_what_each_run_has_of_its_own_are_not() {
+        assert_eq!(found(0.0, true), None);
+        assert_eq!(found(2.0, false), None);
+    }
+}
