@@ -56,6 +56,13 @@ impl Candidate {
         let of_values = [Gate::Amplitude, Gate::Bounds, Gate::Whole];
         !self.failed.is_empty() && self.failed.iter().all(|gate| of_values.contains(gate))
     }
+
+    /// Whether it shows that something is missing, and not what: it explains it with values that no such effect has, or
+    /// leaves much of it.
+    pub fn shows_something(&self) -> bool {
+        let gates = [Gate::Bounds, Gate::Whole, Gate::Explains];
+        !self.failed.is_empty() && self.failed.iter().all(|gate| gates.contains(gate))
+    }
 }
 
 /// What a candidate has to pass.

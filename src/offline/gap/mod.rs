@@ -39,5 +39,6 @@ pub mod runs;
 pub mod shortlist;
 pub mod spectrum;
 mod straight;
+mod tones;
 pub mod verdict;
 pub mod write_back;

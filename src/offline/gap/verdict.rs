@@ -11,6 +11,7 @@ use super::fit::Fitted;
 use super::floor::Noise;
 use super::foretold::foretold;
 use super::forward::Signals;
+use super::gates::Candidate;
 use super::linear::BLOCK_S;
 use super::model::{BASE, Model};
 use super::name::Named;
@@ -22,7 +23,7 @@ pub const PRACTICAL_UM: f64 = 0.1;
 const PLAIN: f64 = 1.0;
 const CLOSED: f64 = 0.75;
 /// Share of what names explain that may be left in a shape.
-const LEFT_SHARE: f64 = 0.1;
+const LEFT_SHARE: f64 = 0.05;
 /// Share of the time in which what is left says nothing of what is named.
 const LEANED: f64 = 0.05;
 /// Most effects of a class that still says something.
@@ -130,7 +131,7 @@ fn costs_more_than_noise(named: &Named) -> bool {
     named.held > named.rows[1] as f64
 }
 
-/// Whether what is left has a shape that all runs share, which is something real; where names explain ten times as much, it
+/// Whether what is left has a shape that all runs share, which is something real; where names explain twenty times as much, it
 /// may be their equations that are off.
 pub(super) fn leaves_a_shape(problem: &Problem<'_>, named: &Named) -> bool {
     let explained = (named.base.cost - named.model.cost) + (named.base_held - named.held);
@@ -220,7 +221,8 @@ pub(super) fn verdict(named: &Named, gap: &[SignalGap], has_shape: bool) -> Verd
             Verdict::Named
         };
     }
-    if has_shape || (costs_more_than_noise(named) && is_real(|signal| signal.after)) {
+    let is_shown = named.refused.iter().any(Candidate::shows_something);
+    if has_shape || is_shown || (costs_more_than_noise(named) && is_real(|signal| signal.after)) {
         return Verdict::Unknown;
     }
     let moved = |fitted: &Fitted| {

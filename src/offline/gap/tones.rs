@@ -1,0 +1,74 @@
+//! How much louder than its neighbours each frequency of what is left is, second after second: a tool that cuts or a loop that
+//! hunts keeps its frequency, whatever the axis does, and no phase.
+//!
+//! ```text
+//!   what is left ──► windows of a second ──► power of each line ──► over the mean of the lines about it
+//! ```
+//!
+//! Units: what is left is whitened, so that a line of noise has a mean of 2 in a window; what is more is a gain, as of a
+//! shape.
+//! Invariant: noise of any smooth spectrum has no gain on average.
+
+use std::f64::consts::TAU;
+
+use nalgebra::Complex;
+use rustfft::FftPlanner;
+
+/// Lines on either side, from the nearest that a window keeps apart to the furthest, that are its neighbourhood.
+const ABOUT: [usize; 2] = [3, 12];
+
+/// By line, the gain of each window of so many rows of all runs.
+pub(super) fn tones(runs: &[&[f64]], length: usize) -> Vec<Vec<f64>> {
+    let transform = FftPlanner::new().plan_fft_forward(length);
+    let hann: Vec<f64> = (0..length).map(|row| 1.0 - (TAU * row as f64 / length as f64).cos()).collect();
+    let mut lines = vec![Vec::new(); (length / 2).saturating_sub(2 * ABOUT[1])];
+    for window in runs.iter().flat_map(|left| left.chunks_exact(length)) {
+        let mut spectrum: Vec<Complex<f64>> =
+            window.iter().zip(&hann).map(|(left, weight)| Complex::from(left * weight)).collect();
+        transform.process(&mut spectrum);
+        let power: Vec<f64> = spectrum[..length / 2].iter().map(|line| line.norm_sqr()).collect();
+        for (line, gains) in (ABOUT[1]..).zip(&mut lines) {
+            let sides = [line - ABOUT[1]..line - ABOUT[0] + 1, line + ABOUT[0]..line + ABOUT[1] + 1];
+            let about: f64 = sides.into_iter().flat_map(|side| &power[side]).sum();
+            let mean = about / (2 * (ABOUT[1] - ABOUT[0] + 1)) as f64;
+            gains.push(if mean > 0.0 { 2.0 * (power[line] / mean - 1.0) } else { 0.0 });
+        }
+    }
+    lines
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64Mcg;
+
+    use super::*;
+
+    const LENGTH: usize = 500;
+
+    /// Mean gain of each line of noise with a tone in it that begins anew in each window.
+    fn mean_gains(amplitude: f64, line: f64) -> Vec<f64> {
+        let mut random = Pcg64Mcg::seed_from_u64(4);
+        let window = |_| {
+            let phase = TAU * random.random::<f64>();
+            let mut noise = || (0..12).map(|_| random.random::<f64>()).sum::<f64>() - 6.0;
+            (0..LENGTH)
+                .map(|row| amplitude * (TAU * line * row as f64 / LENGTH as f64 + phase).sin() + noise())
+                .collect::<Vec<f64>>()
+        };
+        let left: Vec<f64> = (0..80).flat_map(window).collect();
+        let gains = tones(&[&left], LENGTH);
+        gains.iter().map(|gains| gains.iter().sum::<f64>() / gains.len() as f64).collect()
+    }
+
+    #[test]
+    fn a_tone_without_a_phase_stands_out_where_it_is() {
+        let of_noise = mean_gains(0.0, 80.0);
+        assert!(of_noise.iter().all(|gain| gain.abs() < 1.2), "{of_noise:?}");
+        // A fiftieth of the power of a row in one line: 250 amplitudes squared, of which its window keeps two thirds.
+        let gains = mean_gains(0.2, 80.0);
+        let loudest = (0..gains.len()).max_by(|a, b| gains[*a].total_cmp(&gains[*b])).expect("lines");
+        assert_eq!(loudest + ABOUT[1], 80);
+        assert!((5.0..9.0).contains(&gains[loudest]), "{}", gains[loudest]);
+    }
+}
