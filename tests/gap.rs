@@ -284,6 +284,14 @@ fn a_machine_that_lacks_nothing_gets_its_parameters_right_and_no_name() {
         let (_, value) = found.iter().find(|(base, _)| base.name == name).expect("a parameter");
         assert!((value / truth - 1.0).abs() < within, "{name}: {value}, truth {truth}");
     }
+    let smallest = |name: &str| {
+        let all = &axis.named.smallest;
+        all.iter().find(|one| one.name == name).expect("of every effect").amplitude
+    };
+    // Of 2 um it is named above.
+    let backlash_um = smallest("backlash").expect("circles show it");
+    assert!((0.02..1.0).contains(&backlash_um), "{backlash_um} um would have been seen");
+    assert_eq!(smallest("squareness"), None, "one axis does not show it");
 }
 
 #[test]

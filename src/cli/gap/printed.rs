@@ -1,11 +1,12 @@
 //! What `quadrant gap` prints, for people and for scripts.
 
 use std::collections::BTreeMap;
-use std::fmt::Write;
+use std::fmt::{self, Write};
 use std::path::PathBuf;
 
 use serde::Serialize;
 
+use crate::cli::view::table;
 use crate::config::Machine;
 use crate::offline::gap::analysis::{Analysis, AxisGap};
 use crate::offline::gap::fit::Fitted;
@@ -13,7 +14,11 @@ use crate::offline::gap::gates::Gate;
 use crate::offline::gap::locate::unit;
 use crate::offline::gap::problem::SIGNALS;
 use crate::offline::gap::runs::Run;
+use crate::offline::gap::shortlist::Smallest;
 use crate::offline::gap::verdict::{SignalGap, Verdict};
+
+/// Columns of a terminal.
+const WIDTH: usize = 110;
 
 /// The answer as one object.
 #[derive(Debug, Serialize)]
@@ -79,6 +84,9 @@ struct Axis {
     /// Cost per row; noise is 1.
     runs: Vec<RunLeft>,
     refused: Vec<Refused>,
+    /// By effect: its amplitude, the unit in the name, from which it would have been seen; nothing where these runs do not
+    /// show it.
+    seen_from: BTreeMap<&'static str, Option<BTreeMap<&'static str, f64>>>,
     /// What the loops alone do not explain of the current.
     controller_left_share: Option<f64>,
     /// Whether the noise of each signal is known from repeats; otherwise it is a lower bound.
@@ -183,6 +191,7 @@ impl Printed {
                     })
                     .collect(),
                 refused: refused.collect(),
+                seen_from: axis.named.smallest.iter().map(seen_from).collect(),
                 controller_left_share: axis.controller.map(|found| found.left_share),
                 is_floor_from_repeats: SIGNALS
                     .iter()
@@ -234,43 +243,95 @@ impl Printed {
     pub(super) fn text(&self) -> String {
         let mut text = String::new();
         for (name, axis) in &self.axes {
-            let _ = writeln!(text, "axis {name}: {:?}", axis.verdict);
+            let _ = writeln!(text, "axis {name}: {}", axis.verdict);
+            let mut table = table(&["rms", "unit", "as filed", "base fitted", "with effects", "noise"]);
             for signal in &axis.gap {
-                let _ = writeln!(
-                    text,
-                    "  {:16} {:9.4} {unit} as filed, {:9.4} {unit} with the base fitted, {:9.4} {unit} with the effects; noise {:.4} {unit}",
-                    signal.signal,
-                    signal.file,
-                    signal.before,
-                    signal.after,
-                    signal.floor,
-                    unit = signal.unit
-                );
+                let values = [signal.file, signal.before, signal.after, signal.floor];
+                let cells = [signal.signal.to_owned(), signal.unit.to_owned()];
+                table.add_row(cells.into_iter().chain(values.map(|value| format!("{value:.4}"))));
             }
-            for refused in &axis.refused {
-                let _ = writeln!(
-                    text,
-                    "  refused: {} ({:.0}): {:?}",
-                    refused.name, refused.evidence, refused.failed
-                );
+            let _ = writeln!(text, "{table}");
+            for effect in self.effects.iter().filter(|effect| effect.axis == *name) {
+                let _ = writeln!(text, "  {effect}");
             }
+            // The others explain nothing.
+            for refused in axis.refused.iter().filter(|refused| !refused.failed.contains(&Gate::Fit)) {
+                let against: Vec<String> = refused.failed.iter().map(ToString::to_string).collect();
+                let _ = writeln!(text, "  not named: {}, which {}", refused.name, against.join(", "));
+            }
+            let _ = writeln!(text, "{}", axis.seen_text());
         }
-        for effect in &self.effects {
-            let _ = writeln!(
-                text,
-                "{} on {}: {:?}, 95 % {:?}, confidence {:.2}, else {:?}",
-                effect.name,
-                effect.axis,
-                effect.parameters,
-                effect.interval,
-                effect.confidence,
-                effect.alternatives
-            );
-        }
-        let _ =
-            writeln!(text, "closed on rows not fitted: {:.1} %", 100.0 * self.gap.heldout_closed_fraction);
+        let closed = 100.0 * self.gap.heldout_closed_fraction;
+        let _ = writeln!(text, "closed on rows not fitted: {closed:.1} %");
         text
     }
+}
+
+impl Axis {
+    /// What else would have been seen.
+    fn seen_text(&self) -> String {
+        let (seen, hidden): (Vec<_>, Vec<_>) = self.seen_from.iter().partition(|(_, from)| from.is_some());
+        let from = |(name, from): (&&str, &Option<BTreeMap<&str, f64>>)| -> Vec<String> {
+            from.iter().flatten().map(|(key, value)| format!("{name} {key} {}", short(*value))).collect()
+        };
+        let seen = seen.into_iter().flat_map(|(name, value)| from((name, value)));
+        let mut text = listed("  would have been seen from:", seen);
+        if !hidden.is_empty() {
+            text.push('\n');
+            text +=
+                &listed("  these runs do not show:", hidden.into_iter().map(|(name, _)| (*name).to_owned()));
+        }
+        text
+    }
+}
+
+/// A list in lines that fit a terminal.
+fn listed(title: &str, items: impl Iterator<Item = String>) -> String {
+    let (mut text, mut width) = (title.to_owned(), title.len());
+    let mut items = items.peekable();
+    while let Some(mut item) = items.next() {
+        if items.peek().is_some() {
+            item.push(',');
+        }
+        if width + 1 + item.len() > WIDTH {
+            text += "\n   ";
+            width = 3;
+        }
+        width += 1 + item.len();
+        text.push(' ');
+        text += &item;
+    }
+    text
+}
+
+/// Three digits that say something.
+fn short(value: f64) -> String {
+    if value == 0.0 {
+        return "0".to_owned();
+    }
+    let places = 2 - value.abs().log10().floor().clamp(-6.0, 2.0) as i32;
+    format!("{value:.*}", places.max(0) as usize)
+}
+
+impl fmt::Display for Effect {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(out, "{}:", self.name)?;
+        for (key, value) in &self.parameters {
+            write!(out, " {key} {}", short(*value))?;
+            if let Some([low, high]) = self.interval.get(key) {
+                write!(out, " ({} to {})", short(*low), short(*high))?;
+            }
+        }
+        write!(out, ", confidence {:.2}", self.confidence)?;
+        if !self.alternatives.is_empty() {
+            write!(out, ", or else {}", self.alternatives.join(" or "))?;
+        }
+        self.told_apart_by.iter().try_for_each(|by| write!(out, "; told apart by {by}"))
+    }
+}
+
+fn seen_from(smallest: &Smallest) -> (&'static str, Option<BTreeMap<&'static str, f64>>) {
+    (smallest.name, smallest.amplitude.map(|amplitude| BTreeMap::from([(smallest.key, amplitude)])))
 }
 
 impl Effect {
@@ -316,6 +377,17 @@ fn once(effects: impl Iterator<Item = Effect>) -> Vec<Effect> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn numbers_keep_three_digits_and_lists_the_width_of_a_terminal() {
+        assert_eq!(
+            [1.8654, 2209.7, 0.002_081, 0.0, -39.77].map(short),
+            ["1.87", "2210", "0.00208", "0", "-39.8"]
+        );
+        let text = listed("  these:", (0..40).map(|item| format!("item-{item}")));
+        assert!(text.lines().count() > 2 && text.lines().all(|line| line.len() <= WIDTH), "{text}");
+        assert!(text.ends_with("item-38, item-39"), "{text}");
+    }
 
     #[test]
     fn a_second_harmonic_is_told_with_its_effect() {

@@ -4,6 +4,8 @@
 //! that a model that is wrong elsewhere makes nothing significant.
 //! Invariant: a function of fits and rows alone; the same candidate passes the same gates.
 
+use std::fmt;
+
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -85,6 +87,22 @@ pub enum Gate {
     Needed,
     /// Little left of what there was.
     Explains,
+}
+
+impl fmt::Display for Gate {
+    /// What was against the candidate.
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        out.write_str(match self {
+            Self::Fit => "explains no more than chance",
+            Self::Held => "explains nothing of the rows that judge",
+            Self::Blocks => "is not sure there",
+            Self::Amplitude => "may be zero",
+            Self::Bounds => "has a value at its bound",
+            Self::Whole => "has an order that is not whole",
+            Self::Needed => "is not needed",
+            Self::Explains => "leaves much",
+        })
+    }
 }
 
 /// Whether the rows that judge say nothing of an effect: on the others it makes plainly more than noise into noise, and

@@ -19,7 +19,7 @@ use super::linear::{Linear, Steps, residuals};
 use super::model::Model;
 use super::problem::{Part, Problem};
 use super::refit::{ITERATIONS, base_refitted, coarsely, is_far, refitted, scale};
-use super::shortlist::{Scored, shortlist};
+use super::shortlist::{Scored, Smallest, shortlist};
 use super::spectrum::Peaks;
 use crate::plant::effects::{CATALOGUE, Experiment, entry};
 
@@ -50,6 +50,8 @@ pub struct Named {
     pub effects: Vec<NamedEffect>,
     /// The best that failed a gate in the last round.
     pub refused: Vec<Candidate>,
+    /// Beside what was named, what else would have been.
+    pub smallest: Vec<Smallest>,
     /// Rows of both parts.
     pub rows: [usize; 2],
 }
@@ -105,7 +107,7 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
     // The base at its bottom, which is known where a name was put to the test.
     let mut base: Option<Fitted> = None;
     let mut effects: Vec<NamedEffect> = Vec::new();
-    let mut refused = Vec::new();
+    let (mut refused, mut smallest) = (Vec::new(), Vec::new());
     while effects.len() < EFFECTS_MAX {
         progress("looking for what is missing");
         let peaks = Peaks::new(problem, &model.model);
@@ -114,7 +116,12 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
         let held: Vec<usize> = model.model.at_reach().collect();
         let listed = shortlist(&once, &here_once.holding(&held), &|parameter| peaks.of(parameter));
         progress("fitting what may be missing");
-        let promising = screened(&once, &here_once, &listed);
+        let promising = screened(&once, &here_once, &listed.scored);
+        // All passes tell more than the first of each command.
+        let more = (rows[0] as f64 / once.count(Part::Fit).max(1) as f64).sqrt();
+        let by_all =
+            |one: Smallest| Smallest { amplitude: one.amplitude.map(|amplitude| amplitude / more), ..one };
+        smallest = listed.smallest.into_iter().map(by_all).collect();
         let mut candidates = Vec::new();
         // Of all rows, where anything is to be fitted to them.
         let mut here = None;
@@ -190,7 +197,7 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
         (model, blocks) = (base.clone(), base_blocks.clone());
     }
     let [base_held, held] = [base_blocks, blocks].map(|blocks| blocks.cost());
-    Named { base, base_held, model, held, effects, refused, rows }
+    Named { base, base_held, model, held, effects, refused, smallest, rows }
 }
 
 /// A model where nothing of it is known well yet.

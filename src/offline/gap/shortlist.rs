@@ -27,6 +27,30 @@ const LOSS: Loss = Loss::straight(K);
 /// Share of its usual size at which an effect is tried.
 const SHARE: f64 = 0.5;
 
+/// Standard deviations of noise that an effect must be, beyond what the base makes up for, to be seen: half of those that
+/// were 8 to 15 of them were named.
+const SEEN: f64 = 12.0;
+
+/// The smallest amplitude of an effect that would have been seen, by its first parameter, its other values as usual; nothing
+/// where it would be none of such an effect any more: these runs do not show it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Smallest {
+    /// Of which effect.
+    pub name: &'static str,
+    /// Its amplitude, with the unit.
+    pub key: &'static str,
+    /// How much.
+    pub amplitude: Option<f64>,
+}
+
+/// What may be missing, the most promising first, and what would have been seen.
+pub struct Shortlist {
+    /// Effects that explain something.
+    pub scored: Vec<Scored>,
+    /// Of every effect that is not in the model.
+    pub smallest: Vec<Smallest>,
+}
+
 /// An effect that may be there.
 #[derive(Clone, Debug)]
 pub struct Scored {
@@ -83,12 +107,8 @@ fn phase_of(entry: &Entry) -> Option<usize> {
     entry.parameters.iter().position(|parameter| parameter.unit == "deg")
 }
 
-/// Every effect that is not in the model yet, with the best trial of its laws, the most promising first.
-pub fn shortlist(
-    problem: &Problem<'_>,
-    here: &Linear,
-    peaks: &dyn Fn(&Parameter) -> Vec<f64>,
-) -> Vec<Scored> {
+/// Every effect that is not in the model yet, with the best trial of its laws.
+pub fn shortlist(problem: &Problem<'_>, here: &Linear, peaks: &dyn Fn(&Parameter) -> Vec<f64>) -> Shortlist {
     let model = &here.model;
     let has = |name: &str| model.effects.iter().any(|tried| tried.entry.name == name);
     // A further harmonic is one beside the first.
@@ -106,10 +126,12 @@ pub fn shortlist(
     for place in 0..curvature.nrows() {
         curvature[(place, place)] += 1e-9;
     }
-    let Some(curvature) = curvature.cholesky() else { return Vec::new() };
+    let Some(curvature) = curvature.cholesky() else {
+        return Shortlist { scored: Vec::new(), smallest: Vec::new() };
+    };
     let known = (curvature, equations.slope);
     let places = problem.places(Part::Fit);
-    let scored = trials.par_iter().filter_map(|(entry, values)| {
+    let tried = trials.par_iter().map(|(entry, values)| {
         let mut sums = Sums::new(model, entry);
         for (place, run) in places.iter().zip(&here.runs) {
             let column = |values: Values| {
@@ -122,10 +144,15 @@ pub fn shortlist(
             let columns: Vec<Residual> = variants(entry, *values).into_iter().map(column).collect();
             sums.add(run, columns);
         }
-        sums.scored(&known, model, entry, *values)
+        let beyond = sums.beyond(&known.0);
+        // The first trial of an effect is at its usual values.
+        let is_usual = entry.law_of.is_none() && *values == seeds(entry, &|_| Vec::new())[0];
+        let smallest = is_usual.then(|| beyond.smallest(entry, values));
+        (sums.scored(beyond, &known, model, entry, *values), smallest)
     });
+    let (scored, smallest): (Vec<Option<Scored>>, Vec<Option<Smallest>>) = tried.unzip();
     let mut best: BTreeMap<&str, Scored> = BTreeMap::new();
-    for scored in scored.collect::<Vec<_>>() {
+    for scored in scored.into_iter().flatten() {
         let name = scored.entry().effect();
         if best.get(name).is_none_or(|other| other.gain < scored.gain) {
             best.insert(name, scored);
@@ -133,7 +160,26 @@ pub fn shortlist(
     }
     let mut best: Vec<Scored> = best.into_values().collect();
     best.sort_by(|a, b| b.gain.total_cmp(&a.gain));
-    best
+    Shortlist { scored: best, smallest: smallest.into_iter().flatten().collect() }
+}
+
+/// What the base cannot make up for of the columns of a trial.
+struct Beyond {
+    /// By coordinate: how the base makes up for the rest.
+    made_up: DMatrix<f64>,
+    /// Products of what it cannot.
+    held: DMatrix<f64>,
+}
+
+impl Beyond {
+    fn smallest(&self, entry: &'static Entry, values: &Values) -> Smallest {
+        // Of two columns a quarter of a period apart the mean, for nobody knows its phase.
+        let seen = (self.held.trace() / self.held.nrows() as f64).sqrt();
+        let amplitude = SEEN / seen * values[0].abs();
+        let Parameter { key, bounds: [low, high], .. } = entry.parameters[0];
+        let may_be = amplitude <= high.max(-low);
+        Smallest { name: entry.name, key, amplitude: may_be.then_some(amplitude) }
+    }
 }
 
 /// The values of the columns of a trial: one, or two a quarter of a period apart.
@@ -182,19 +228,24 @@ impl Sums {
         }
     }
 
+    fn beyond(&self, curvature: &Cholesky<f64, Dyn>) -> Beyond {
+        let made_up = curvature.solve(&self.crossed.transpose());
+        let mut held = &self.columns - &self.crossed * &made_up;
+        for place in 0..held.nrows() {
+            held[(place, place)] += 1e-9 + 1e-6 * self.columns[(place, place)];
+        }
+        Beyond { made_up, held }
+    }
+
     fn scored(
         &self,
+        Beyond { made_up, held }: Beyond,
         (curvature, slope): &(Cholesky<f64, Dyn>, DVector<f64>),
         model: &Model,
         entry: &'static Entry,
         values: Values,
     ) -> Option<Scored> {
-        let made_up = curvature.solve(&self.crossed.transpose());
         let left = made_up.transpose() * slope - &self.slope;
-        let mut held = &self.columns - &self.crossed * &made_up;
-        for place in 0..held.nrows() {
-            held[(place, place)] += 1e-9 + 1e-6 * self.columns[(place, place)];
-        }
         let shares = held.cholesky()?.solve(&left);
         let mut tried = values;
         let mut wanted = values;
