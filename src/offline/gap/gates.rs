@@ -15,7 +15,7 @@ use super::linear::Linear;
 use super::model::Model;
 use super::problem::Problem;
 use super::refit::{ITERATIONS, is_far, refitted, scale};
-use crate::plant::effects::{CATALOGUE, Parameter};
+use crate::plant::effects::{CATALOGUE, Entry, Experiment, Parameter};
 
 /// Fall of the information criterion that a candidate must bring on the fitted rows, beyond what the number of candidates
 /// explains.
@@ -29,9 +29,11 @@ const HELD_SHARE: f64 = 0.02;
 const FURTHER: f64 = 0.04;
 /// Cost per row that is plainly more than that of noise, as a ratio.
 const PLAIN: f64 = 1.05;
-/// An amplitude must be so many of its standard deviations.
-const SURE: f64 = 4.0;
-/// A number that is as far from a whole one as its uncertainty allows, and within these, may be whole.
+/// An amplitude must be so many of its standard deviations. Nine runs tell their scatter, and seven deviations of Student's
+/// distribution of as many are as sure as four of a normal one.
+const SURE: f64 = 7.0;
+/// A number that is so many standard deviations from a whole one, but within these, may be whole.
+const NEAR: f64 = 4.0;
 const WHOLE: [f64; 2] = [0.04, 0.15];
 
 /// A candidate that was fitted.
@@ -106,15 +108,21 @@ impl fmt::Display for Gate {
 }
 
 /// Whether the rows that judge say nothing of an effect: on the others it makes plainly more than noise into noise, and
-/// there it makes nothing surely worse. Circles tell little of what the force of the screw does to friction.
+/// there it makes nothing surely worse. Circles tell little of what the force of the screw does to friction; they tell
+/// of whatever shows at constant velocity.
 pub(super) fn does_not_show_where_judged(
+    entry: &Entry,
     without: &Fitted,
     with: &Fitted,
     held: [&Blocks; 2],
     rows: [usize; 2],
 ) -> bool {
     let per_row = |fitted: &Fitted| fitted.cost / rows[0].max(1) as f64;
-    per_row(without) > PLAIN * per_row(with) && per_row(with) < 1.0 && !held[1].is_surely_worse_than(held[0])
+    let shows = matches!(entry.experiment, Experiment::Circles | Experiment::Sweep);
+    !shows
+        && per_row(without) > PLAIN * per_row(with)
+        && per_row(with) < 1.0
+        && !held[1].is_surely_worse_than(held[0])
 }
 
 /// Models with an effect more, fitted to all rows and put to every gate but the last; those that the model has already
@@ -150,7 +158,7 @@ pub(super) fn tried(
         if fall <= FALL + 2.0 * (CATALOGUE.len() as f64).ln() {
             failed.push(Gate::Fit);
         }
-        let is_hidden = does_not_show_where_judged(without, &fitted, [blocks_without, &blocks], rows);
+        let is_hidden = does_not_show_where_judged(entry, without, &fitted, [blocks_without, &blocks], rows);
         let least = f64::max(HELD_SHARE * left, FURTHER * explained);
         if !is_hidden && (held_fall <= HELD_FALL || without_held - held < least) {
             failed.push(Gate::Held);
@@ -169,7 +177,7 @@ pub(super) fn tried(
         let is_whole = |(of, parameter): (usize, &Parameter)| {
             let value = fitted.model.effects[added].values[of];
             let sigma = fitted.covariance[(place + of, place + of)].sqrt() * parameter.prior;
-            let reach = (SURE * sigma).clamp(WHOLE[0], WHOLE[1]);
+            let reach = (NEAR * sigma).clamp(WHOLE[0], WHOLE[1]);
             !parameter.is_whole || (value - value.round()).abs() <= reach
         };
         if !entry.parameters.iter().enumerate().all(is_whole) {
@@ -185,6 +193,7 @@ mod tests {
     use nalgebra::DMatrix;
 
     use super::*;
+    use crate::plant::effects::entry;
     use crate::plant::tests::paper_axis;
 
     #[test]
@@ -197,6 +206,7 @@ mod tests {
             covariance: DMatrix::identity(1, 1),
         };
         let blocks = |each: f64| Blocks::of(vec![each; 40]);
+        let of_load = entry("load-dependent-friction").expect("an effect");
         for (without, with, held, says_nothing) in [
             // As load-dependent friction on circles.
             (1.13, 0.76, 400.0, true),
@@ -207,8 +217,12 @@ mod tests {
             (1.13, 0.76, 410.0, false),
         ] {
             let held = [&blocks(400.0), &blocks(held)];
-            let found = does_not_show_where_judged(&fitted(without), &fitted(with), held, rows);
+            let found = does_not_show_where_judged(of_load, &fitted(without), &fitted(with), held, rows);
             assert_eq!(found, says_nothing, "{without} and {with} per row");
         }
+        // Circles show it: what they do not is none.
+        let ripple = entry("encoder-eccentricity").expect("an effect");
+        let held = [&blocks(400.0), &blocks(400.0)];
+        assert!(!does_not_show_where_judged(ripple, &fitted(1.13), &fitted(0.76), held, rows));
     }
 }

@@ -236,7 +236,8 @@ impl Without {
             - parameters * (rows[0] as f64).ln();
         let held_fall = (self.blocks.cost() - blocks.cost()) / scale(blocks.cost(), rows[1]);
         let is_worse = held_fall > HELD_FALL && self.blocks.is_surely_worse_than(blocks);
-        let is_plain = does_not_show_where_judged(&self.fitted, model, [&self.blocks, blocks], rows);
+        let entry = model.model.effects[place].entry;
+        let is_plain = does_not_show_where_judged(entry, &self.fitted, model, [&self.blocks, blocks], rows);
         fall > FALL && (is_worse || is_plain)
     }
 }
