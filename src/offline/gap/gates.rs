@@ -81,6 +81,8 @@ pub enum Gate {
     Blocks,
     /// An amplitude that is sure not to be zero.
     Amplitude,
+    /// An amplitude that no single run wants alone.
+    Runs,
     /// Values that the data chose and not the bounds.
     Bounds,
     /// Whole numbers where machines have no others.
@@ -99,6 +101,7 @@ impl fmt::Display for Gate {
             Self::Held => "explains nothing of the rows that judge",
             Self::Blocks => "is not sure there",
             Self::Amplitude => "may be zero",
+            Self::Runs => "is what one run alone wants",
             Self::Bounds => "has a value at its bound",
             Self::Whole => "has an order that is not whole",
             Self::Needed => "is not needed",
@@ -171,6 +174,9 @@ pub(super) fn tried(
         if !entry.amplitudes().filter(tells).any(|of| fitted.is_surely_not_zero(place + of, SURE)) {
             failed.push(Gate::Amplitude);
         }
+        if !entry.amplitudes().any(|of| fitted.is_of_all_runs(place + of)) {
+            failed.push(Gate::Runs);
+        }
         if fitted.model.is_at_bound(added) {
             failed.push(Gate::Bounds);
         }
@@ -204,6 +210,7 @@ mod tests {
             cost: per_row * rows[0] as f64,
             total: per_row * rows[0] as f64,
             covariance: DMatrix::identity(1, 1),
+            without_run: Vec::new(),
         };
         let blocks = |each: f64| Blocks::of(vec![each; 40]);
         let of_load = entry("load-dependent-friction").expect("an effect");

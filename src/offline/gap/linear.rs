@@ -221,8 +221,19 @@ pub struct Normal {
     pub spread: DMatrix<f64>,
     /// The same from run to run, and of how many: what is wrong in one way all along a run shows here alone.
     pub by_run: (DMatrix<f64>, usize),
+    /// Curvature and slope of each run.
+    pub runs: Vec<(DMatrix<f64>, DVector<f64>)>,
     /// Sum of `ρ`.
     pub cost: f64,
+}
+
+/// Where the coordinates would go without a run, and the standard deviations they would have.
+#[derive(Clone, Debug)]
+pub struct WithoutRun {
+    /// By coordinate.
+    pub shift: DVector<f64>,
+    /// By coordinate.
+    pub deviation: DVector<f64>,
 }
 
 impl Normal {
@@ -233,6 +244,7 @@ impl Normal {
             slope: DVector::zeros(count),
             spread: zeros(),
             by_run: (zeros(), 0),
+            runs: Vec::new(),
             cost: 0.0,
         }
     }
@@ -242,6 +254,7 @@ impl Normal {
         self.slope += other.slope;
         self.spread += other.spread;
         self.by_run = (self.by_run.0 + other.by_run.0, self.by_run.1 + other.by_run.1);
+        self.runs.extend(other.runs);
         self.cost += other.cost;
         self
     }
@@ -273,6 +286,7 @@ impl Normal {
         sum.slope = slopes.column_sum();
         sum.spread = &slopes * slopes.transpose();
         sum.by_run = (&sum.slope * sum.slope.transpose(), 1);
+        sum.runs = vec![(sum.curvature.clone(), sum.slope.clone())];
         sum
     }
 
@@ -311,6 +325,19 @@ impl Normal {
     }
 }
 
+impl Normal {
+    /// What the minimum would do without each run, if all were linear.
+    pub fn without_each_run(&self) -> Vec<WithoutRun> {
+        let without = |(curvature, slope): &(DMatrix<f64>, DVector<f64>)| {
+            let inverse = regular(&(&self.curvature - curvature))?;
+            // At the minimum the others pull as this one does, the other way.
+            let shift = &inverse * slope;
+            Some(WithoutRun { shift, deviation: inverse.diagonal().map(|variance| variance.max(0.0).sqrt()) })
+        };
+        self.runs.iter().filter_map(without).collect()
+    }
+}
+
 /// The inverse of a curvature in which some coordinates may do nothing.
 fn regular(curvature: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     let mut curvature = curvature.clone();
@@ -327,6 +354,22 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn without_a_run_the_others_go_where_they_want() {
+        // A mean of three runs of ten rows each, the last of which is off by 3: without it the mean is 0, and 1 with it.
+        let column: Residual = vec![vec![-1.0; 10]];
+        let mean = 1.0;
+        let runs = [0.0, 0.0, 3.0].map(|is| {
+            let residual: Residual = vec![vec![is - mean; 10]];
+            Normal::of(&residual, &[Some(&column)], 5, Loss::straight(10.0))
+        });
+        let all = runs.into_iter().fold(Normal::zero(1), Normal::plus);
+        let without: Vec<f64> = all.without_each_run().iter().map(|run| mean + run.shift[0]).collect();
+        for (found, truth) in without.iter().zip([1.5, 1.5, 0.0]) {
+            assert!((found - truth).abs() < 1e-6, "{without:?}");
+        }
+    }
 
     /// A hundred blocks of ten rows that all say the same, half of them up and half of them down.
     fn in_blocks() -> Residual {
