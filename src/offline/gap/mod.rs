@@ -10,7 +10,7 @@
 //! [`intake`] looks at data, and [`logged`] at logs, before they are believed as [`runs`]; [`floor`] finds the noise in
 //! [`repeats`]; [`forward`] runs the machine file from the command alone and [`controller`] its loops alone; [`fit`] fits a
 //! [`model`] in closed loop to a [`problem`], by its derivatives ([`linear`]); [`locate`] tells where the gap lives;
-//! [`shortlist`] and [`mod@name`] find the effects, which have to pass the [`gates`]; [`mod@foretold`] tells whether something is
+//! [`shortlist`] and [`mod@name`] find the effects, which have to pass the [`gates`]; `foretold` tells whether something is
 //! left, and [`verdict`] says it in a word; [`write_back`] adds them to the machine file. [`demo`] is a machine to show it on.
 //! Invariant: what is named was better on rows that no model had seen, and what cannot be told apart is named together.
 
