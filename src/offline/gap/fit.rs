@@ -33,6 +33,8 @@ const EVENTS: f64 = 0.01;
 const NEARER: f64 = 0.95;
 /// All runs but one speak against an amplitude where they move it by so many of the standard deviations that they give it.
 const AGAINST: f64 = 5.0;
+/// They give one where theirs is less than this share of what is believed without any.
+const KNOWN: f64 = 0.3;
 /// A coarse fit ends with an iteration that gains less than this share of the cost, a fine one with half a unit of
 /// the logarithm of probability: the cost has two.
 const ENOUGH: (f64, f64) = (1e-4, 1.0);
@@ -279,9 +281,11 @@ impl Fitted {
     /// Whether all runs but one, whichever it is, leave an amplitude half of what it is, or do not tell: what one run alone
     /// wants and the others do not is something else there.
     pub fn is_of_all_runs(&self, at: usize) -> bool {
-        let value = self.model.coordinates()[at];
+        let (value, sureness) = (self.model.coordinates()[at], self.model.sureness()[at]);
         let leaves = |without: &WithoutRun| {
-            let tells = without.shift[at].abs() > AGAINST * without.deviation[at];
+            // More than what is believed beforehand.
+            let is_known = without.deviation[at] < KNOWN * sureness;
+            let tells = is_known && without.shift[at].abs() > AGAINST * without.deviation[at];
             !tells || (value + without.shift[at]) * value > 0.5 * value * value
         };
         self.without_run.iter().all(leaves)
@@ -404,6 +408,8 @@ mod tests {
         };
         assert!(!fitted(0.9, 0.1).is_of_all_runs(place), "a tenth is left, and the others know it well");
         assert!(fitted(0.9, 0.3).is_of_all_runs(place), "the others do not tell");
+        let sureness = model.sureness()[place];
+        assert!(fitted(9.0, 0.5 * sureness / value).is_of_all_runs(place), "what was believed tells nothing");
         assert!(fitted(0.3, 0.01).is_of_all_runs(place), "most of it is left");
     }
 

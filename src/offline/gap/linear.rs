@@ -326,8 +326,11 @@ impl Normal {
 }
 
 impl Normal {
-    /// What the minimum would do without each run, if all were linear.
+    /// What the minimum would do without each run, if all were linear; nothing where there are fewer than `RUNS`.
     pub fn without_each_run(&self) -> Vec<WithoutRun> {
+        if self.runs.len() < RUNS {
+            return Vec::new();
+        }
         let without = |(curvature, slope): &(DMatrix<f64>, DVector<f64>)| {
             let inverse = regular(&(&self.curvature - curvature))?;
             // At the minimum the others pull as this one does, the other way.
@@ -357,16 +360,16 @@ mod tests {
 
     #[test]
     fn without_a_run_the_others_go_where_they_want() {
-        // A mean of three runs of ten rows each, the last of which is off by 3: without it the mean is 0, and 1 with it.
+        // A mean of five runs of ten rows each, the last of which is off by 5: without it the mean is 0, and 1 with it.
         let column: Residual = vec![vec![-1.0; 10]];
         let mean = 1.0;
-        let runs = [0.0, 0.0, 3.0].map(|is| {
+        let runs = [0.0, 0.0, 0.0, 0.0, 5.0].map(|is| {
             let residual: Residual = vec![vec![is - mean; 10]];
             Normal::of(&residual, &[Some(&column)], 5, Loss::straight(10.0))
         });
         let all = runs.into_iter().fold(Normal::zero(1), Normal::plus);
         let without: Vec<f64> = all.without_each_run().iter().map(|run| mean + run.shift[0]).collect();
-        for (found, truth) in without.iter().zip([1.5, 1.5, 0.0]) {
+        for (found, truth) in without.iter().zip([1.25, 1.25, 1.25, 1.25, 0.0]) {
             assert!((found - truth).abs() < 1e-6, "{without:?}");
         }
     }
