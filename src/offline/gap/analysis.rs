@@ -142,7 +142,7 @@ fn axis<'m>(
     let mut named = name::name(&problem, &start, &say);
     let mut gap = gaps(&problem, &start, &named);
     let has_shape = leaves_a_shape(&problem, &named);
-    if explains_too_little(&problem, &named) || (has_shape && !named.effects.is_empty()) {
+    if !named.effects.is_empty() && (has_shape || explains_too_little(&problem, &named)) {
         named.withdraw();
         gap.iter_mut().for_each(|signal| signal.after = signal.before);
     }
