@@ -22,8 +22,9 @@ use crate::rt::wire::scaling::{AxisScale, ScaleSettings, Sense};
 
 /// Rows of a run so long are for the start to fade, s.
 pub const SETTLE_S: f64 = 0.4;
-/// Slower than this at the first rows is at rest, m/s.
-const AT_REST_M_PER_S: f64 = 2e-5;
+/// An axis is at rest where at the first rows its setpoint is slower than this, m/s, and its motor than that: a count of its
+/// encoder in these rows is no motion.
+const AT_REST_M_PER_S: (f64, f64) = (2e-5, 1e-3);
 /// Counts of encoders that resolve everything.
 const FINE_COUNTS_PER_REV: u32 = 1 << 30;
 const FINE_COUNTS_PER_MM: u32 = 100_000_000;
@@ -82,7 +83,7 @@ impl Course {
         let moved =
             (axis.position_m[first - 1] - axis.position_m[0]) / ((first - 1).max(1) as f64 * run.period_s);
         let is_at_rest =
-            moved.abs() < AT_REST_M_PER_S && setpoints[0].velocity.as_m_per_s().abs() < AT_REST_M_PER_S;
+            setpoints[0].velocity.as_m_per_s().abs() < AT_REST_M_PER_S.0 && moved.abs() < AT_REST_M_PER_S.1;
         let is_still = |row: &usize| (axis.setpoint_m[*row] - axis.setpoint_m[0]).abs() <= STILL_M;
         let held = if is_at_rest { (0..first).take_while(is_still).count() } else { first };
         let mean_a = axis.current_a[..held].iter().sum::<f64>() / held as f64;
@@ -186,4 +187,38 @@ pub fn without_counts(axis: &Axis) -> Axis {
         table_sense: Sense::Along,
     });
     Axis { scale, ..*axis }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use super::*;
+    use crate::config;
+
+    #[test]
+    fn a_count_of_the_encoder_is_no_motion() {
+        let machine = config::load("paper").expect("a machine");
+        let rows = 400;
+        let count_m = 2e-7;
+        let axis = AxisRun {
+            setpoint_m: vec![0.0; rows],
+            // From one count to the next in the first rows.
+            position_m: (0..rows).map(|row| if row < 8 { 0.0 } else { count_m }).collect(),
+            table_m: None,
+            current_a: vec![0.0; rows],
+        };
+        let run = Run {
+            name: "standing".to_owned(),
+            start_s: 0.0,
+            period_s: 5e-4,
+            axes: BTreeMap::from([(AxisId::X, axis)]),
+            is_sound: vec![true; rows],
+        };
+        let course = Course::new(&run, &machine, AxisId::X, 0, 0.0).expect("an axis");
+        let x = &machine.axes[AxisId::X];
+        let made = course.run(&without_counts(x), machine.cycle.position_every, 0, &x.plant);
+        let furthest = made.following_error_m.iter().fold(0.0, |far: f64, error| far.max(error.abs()));
+        assert!(furthest < count_m, "it is taken to slide, and jumps by {} um", 1e6 * furthest);
+    }
 }
