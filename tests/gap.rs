@@ -12,7 +12,9 @@ use quadrant::base::axis::AxisId;
 use quadrant::config::edit::MachineFile;
 use quadrant::config::{self, Machine};
 use quadrant::offline::gap::analysis::{Analysis, GapError, Request, analyse, problem_of};
+use quadrant::offline::gap::fit::{Effort, fit};
 use quadrant::offline::gap::forward::Course;
+use quadrant::offline::gap::judged::judged;
 use quadrant::offline::gap::model::{Model, Tried};
 use quadrant::offline::gap::repeats::repeats;
 use quadrant::offline::gap::runs::{AxisRun, Run};
@@ -205,6 +207,32 @@ fn where_the_gap_lives_is_told_and_not_where_it_does_not() {
     let noise = locate::located(&problem, &locate::both(&problem, &named, &named));
     let of_noise = noise.iter().filter(|found| found.signal == current).find(by_place);
     assert!(of_noise.is_none(), "{of_noise:?}");
+}
+
+#[test]
+fn rows_that_judge_say_by_themselves_whether_they_have_it() {
+    let machine = config::load("paper").expect("a machine");
+    let file = machine.axes[AxisId::X].plant;
+    let ripple = entry("screw-ripple").expect("an effect");
+    let with = Model::new(file).with(Tried { entry: ripple, values: [0.5, 1.0, 40.0] });
+    let share = |held: &Parameters| -> f64 {
+        let plant = with.twin().plant;
+        let runs =
+            [("slow", 10.0, 2.4, 1, &plant), ("fast", 20.0, 1.6, 2, &plant), ("heldout", 15.0, 2.0, 3, held)]
+                .map(|(name, radius_mm, lap_s, seed, plant)| {
+                    circle(&machine, plant, name, [radius_mm, lap_s], seed, 0)
+                });
+        let problem = problem_of(&machine, &runs, &repeats(&runs), AxisId::X, 0, &[0; 3]);
+        let fitted = fit(&problem, &with, Effort::Coarse(3), None);
+        assert!((fitted.effect(0)[0].1 / 0.5 - 1.0).abs() < 0.1, "the fitted rows have it");
+        judged(&problem, &fitted, &[with.first_coordinate(0)])[0].share
+    };
+    // Half a turn later it is another effect.
+    let other = file.with_effect(ripple, [0.5, 1.0, -140.0]);
+    for (held, truth) in [(&with.twin().plant, 1.0), (&file, 0.0), (&other, -1.0)] {
+        let found = share(held);
+        assert!((found - truth).abs() < 0.3, "{found} of it, truth {truth}");
+    }
 }
 
 #[test]

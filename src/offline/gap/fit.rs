@@ -15,7 +15,7 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::linear::{BLOCK_S, K, Linear, Loss, Normal, Steps, WithoutRun, residuals};
+use super::linear::{BLOCK_S, K, Linear, Loss, Normal, Steps, residuals};
 use super::model::{BASE, Model};
 use super::problem::{Part, Problem, Residual};
 use crate::plant::effects::Parameter;
@@ -31,10 +31,6 @@ const WORTH: f64 = 0.1;
 /// how much the knee must come nearer to make it another fit.
 const EVENTS: f64 = 0.01;
 const NEARER: f64 = 0.95;
-/// All runs but one speak against an amplitude where they move it by so many of the standard deviations that they give it.
-const AGAINST: f64 = 5.0;
-/// They give one where theirs is less than this share of what is believed without any.
-const KNOWN: f64 = 0.3;
 /// A coarse fit ends with an iteration that gains less than this share of the cost, a fine one with half a unit of
 /// the logarithm of probability: the cost has two.
 const ENOUGH: (f64, f64) = (1e-4, 1.0);
@@ -67,8 +63,6 @@ pub struct Fitted {
     pub total: f64,
     /// Covariance of the coordinates.
     pub covariance: DMatrix<f64>,
-    /// What its coordinates would be without each run.
-    pub without_run: Vec<WithoutRun>,
 }
 
 /// What the coordinates of a model cost by what is believed of them.
@@ -93,7 +87,7 @@ pub fn fit(problem: &Problem<'_>, start: &Model, effort: Effort, known: Option<&
     // Far from the minimum all rows are far off: they count by their square until they are near.
     let mut knee = knee(&left);
     let mut covariance = DMatrix::zeros(model.coordinate_count(), model.coordinate_count());
-    let (mut kicked, mut without_run) = (0, Vec::new());
+    let mut kicked = 0;
     for _ in 0..iterations {
         let loss = Loss::bounded(knee);
         let mut total = sum(&left, loss) + believed(&model);
@@ -107,7 +101,6 @@ pub fn fit(problem: &Problem<'_>, start: &Model, effort: Effort, known: Option<&
             if pass == 0 {
                 if let Some(found) = equations.covariance() {
                     covariance = found;
-                    without_run = equations.without_each_run();
                 }
                 was_fine = steps.is_fine_for(&model, &covariance);
                 if effort == Effort::Fine {
@@ -160,7 +153,7 @@ pub fn fit(problem: &Problem<'_>, start: &Model, effort: Effort, known: Option<&
     }
     let cost = sum(&left, Loss::LAST);
     let total = cost + believed(&model);
-    Fitted { model, cost, total, covariance, without_run }
+    Fitted { model, cost, total, covariance }
 }
 
 /// What all rows are within but for [`EVENTS`], and never less than what judges.
@@ -278,19 +271,6 @@ fn moved(model: &Model, at: &[f64], mut curvature: DMatrix<f64>, slope: &DVector
 }
 
 impl Fitted {
-    /// Whether all runs but one, whichever it is, leave an amplitude half of what it is, or do not tell: what one run alone
-    /// wants and the others do not is something else there.
-    pub fn is_of_all_runs(&self, at: usize) -> bool {
-        let (value, sureness) = (self.model.coordinates()[at], self.model.sureness()[at]);
-        let leaves = |without: &WithoutRun| {
-            // More than what is believed beforehand.
-            let is_known = without.deviation[at] < KNOWN * sureness;
-            let tells = is_known && without.shift[at].abs() > AGAINST * without.deviation[at];
-            !tells || (value + without.shift[at]) * value > 0.5 * value * value
-        };
-        self.without_run.iter().all(leaves)
-    }
-
     /// Whether an amplitude is so many of its standard deviations from zero, all others as they follow it but for those
     /// that say what it is an amplitude of; a base parameter follows as far as it reaches.
     pub fn is_surely_not_zero(&self, at: usize, deviations: f64) -> bool {
@@ -386,34 +366,6 @@ mod tests {
     }
 
     #[test]
-    fn an_amplitude_that_one_run_alone_wants_is_none() {
-        let ripple =
-            Tried { entry: entry("encoder-eccentricity").expect("an effect"), values: [2.0, 40.0, 0.0] };
-        let model = slow().with(ripple);
-        let place = model.first_coordinate(0);
-        let value = model.coordinates()[place];
-        let count = model.coordinate_count();
-        let fitted = |share: f64, deviation: f64| Fitted {
-            covariance: DMatrix::identity(count, count),
-            cost: 0.0,
-            total: 0.0,
-            without_run: vec![
-                WithoutRun { shift: DVector::zeros(count), deviation: DVector::repeat(count, 0.01 * value) },
-                WithoutRun {
-                    shift: DVector::repeat(count, -share * value),
-                    deviation: DVector::repeat(count, deviation * value),
-                },
-            ],
-            model: model.clone(),
-        };
-        assert!(!fitted(0.9, 0.1).is_of_all_runs(place), "a tenth is left, and the others know it well");
-        assert!(fitted(0.9, 0.3).is_of_all_runs(place), "the others do not tell");
-        let sureness = model.sureness()[place];
-        assert!(fitted(9.0, 0.5 * sureness / value).is_of_all_runs(place), "what was believed tells nothing");
-        assert!(fitted(0.3, 0.01).is_of_all_runs(place), "most of it is left");
-    }
-
-    #[test]
     fn an_amplitude_is_sure_where_the_base_could_stand_for_it_no_further() {
         let lag = Tried { entry: entry("current-loop-lag").expect("an effect"), values: [800.0, 0.0, 0.0] };
         let model = slow().with(lag);
@@ -424,7 +376,7 @@ mod tests {
             for (row, column) in [(place, other), (other, place)] {
                 covariance[(row, column)] = 0.9999;
             }
-            Fitted { model: model.clone(), cost: 0.0, total: 0.0, covariance, without_run: Vec::new() }
+            Fitted { model: model.clone(), cost: 0.0, total: 0.0, covariance }
         };
         assert!(fitted(current_loop()).is_surely_not_zero(place, 4.0));
         assert!(!fitted(MASS).is_surely_not_zero(place, 4.0));
@@ -442,7 +394,7 @@ mod tests {
             for (row, column) in [(place, with), (with, place)] {
                 covariance[(row, column)] = 0.9999 * wide;
             }
-            Fitted { model: model.clone(), cost: 0.0, total: 0.0, covariance, without_run: Vec::new() }
+            Fitted { model: model.clone(), cost: 0.0, total: 0.0, covariance }
         };
         assert!(fitted(place + 1).is_surely_not_zero(place, 4.0), "twice as much in twice the time");
         assert!(!fitted(MASS).is_surely_not_zero(place, 4.0));

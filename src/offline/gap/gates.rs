@@ -11,6 +11,7 @@ use serde::Serialize;
 
 use super::blocks::Blocks;
 use super::fit::{Effort, Fitted, fit};
+use super::judged::{Judged, judged};
 use super::linear::Linear;
 use super::model::Model;
 use super::problem::Problem;
@@ -32,6 +33,8 @@ const PLAIN: f64 = 1.05;
 /// An amplitude must be so many of its standard deviations. Nine runs tell their scatter, and seven deviations of Student's
 /// distribution of as many are as sure as four of a normal one.
 const SURE: f64 = 7.0;
+/// And so many by what the rows that judge say alone, which are fewer, and this share of what the fitted rows say.
+const ALONE: (f64, f64) = (4.0, 0.5);
 /// A number that is so many standard deviations from a whole one, but within these, may be whole.
 const NEAR: f64 = 4.0;
 const WHOLE: [f64; 2] = [0.04, 0.15];
@@ -81,8 +84,8 @@ pub enum Gate {
     Blocks,
     /// An amplitude that is sure not to be zero.
     Amplitude,
-    /// An amplitude that no single run wants alone.
-    Runs,
+    /// An amplitude that the rows that judge want too, and not the base alone that it left free.
+    Judged,
     /// Values that the data chose and not the bounds.
     Bounds,
     /// Whole numbers where machines have no others.
@@ -101,7 +104,7 @@ impl fmt::Display for Gate {
             Self::Held => "explains nothing of the rows that judge",
             Self::Blocks => "is not sure there",
             Self::Amplitude => "may be zero",
-            Self::Runs => "is what one run alone wants",
+            Self::Judged => "is not what the rows that judge want",
             Self::Bounds => "has a value at its bound",
             Self::Whole => "has an order that is not whole",
             Self::Needed => "is not needed",
@@ -171,11 +174,9 @@ pub(super) fn tried(
         }
         let place = fitted.model.first_coordinate(added);
         let tells = |amplitude: &usize| !entry.parameters[*amplitude].is_of_base;
-        if !entry.amplitudes().filter(tells).any(|of| fitted.is_surely_not_zero(place + of, SURE)) {
+        let telling: Vec<usize> = entry.amplitudes().filter(tells).map(|of| place + of).collect();
+        if !telling.iter().any(|amplitude| fitted.is_surely_not_zero(*amplitude, SURE)) {
             failed.push(Gate::Amplitude);
-        }
-        if !entry.amplitudes().any(|of| fitted.is_of_all_runs(place + of)) {
-            failed.push(Gate::Runs);
         }
         if fitted.model.is_at_bound(added) {
             failed.push(Gate::Bounds);
@@ -188,6 +189,13 @@ pub(super) fn tried(
         };
         if !entry.parameters.iter().enumerate().all(is_whole) {
             failed.push(Gate::Whole);
+        }
+        // Last, for it takes longest.
+        if failed.is_empty() && !is_hidden {
+            let wants = |alone: Judged| alone.share > f64::max(ALONE.0 * alone.deviation, ALONE.1);
+            if !judged(problem, &fitted, &telling).into_iter().any(wants) {
+                failed.push(Gate::Judged);
+            }
         }
         Candidate { evidence: fall + held_fall, fitted, held, failed }
     };
@@ -210,7 +218,6 @@ mod tests {
             cost: per_row * rows[0] as f64,
             total: per_row * rows[0] as f64,
             covariance: DMatrix::identity(1, 1),
-            without_run: Vec::new(),
         };
         let blocks = |each: f64| Blocks::of(vec![each; 40]);
         let of_load = entry("load-dependent-friction").expect("an effect");

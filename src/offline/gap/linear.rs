@@ -138,14 +138,46 @@ impl Linear {
         let of = |(run, (place, residual)): (usize, (usize, Residual))| {
             let column = |coordinate: usize| match known {
                 Some(known) if coordinate < shared => known.runs[run].columns[coordinate].clone(),
-                _ => column(problem, model, &coordinates, place, &residual, coordinate, steps.0[coordinate])
-                    .map(Arc::new),
+                _ => column(
+                    problem,
+                    model,
+                    &coordinates,
+                    (place, Part::Fit),
+                    &residual,
+                    coordinate,
+                    steps.0[coordinate],
+                )
+                .map(Arc::new),
             };
             let columns = (0..coordinates.len()).into_par_iter().map(column).collect();
             LinearRun { residual, columns }
         };
         let places = problem.places(Part::Fit).into_par_iter().zip(left);
         Self { model: model.clone(), runs: places.enumerate().map(of).collect() }
+    }
+
+    /// Of a part of the rows, where some coordinates are held.
+    pub(super) fn of_part(
+        problem: &Problem<'_>,
+        model: &Model,
+        part: Part,
+        steps: &Steps,
+        held: &[usize],
+    ) -> Self {
+        let coordinates = model.coordinates();
+        let of = |place: usize| {
+            let residual = problem.residual(place, model, part);
+            let column = |of: usize| {
+                if held.contains(&of) {
+                    return None;
+                }
+                column(problem, model, &coordinates, (place, part), &residual, of, steps.0[of]).map(Arc::new)
+            };
+            let columns = (0..coordinates.len()).into_par_iter().map(column).collect();
+            LinearRun { residual, columns }
+        };
+        let places = problem.places(part).into_par_iter();
+        Self { model: model.clone(), runs: places.map(of).collect() }
     }
 
     /// The same where some coordinates make up for nothing.
@@ -183,7 +215,7 @@ fn column(
     problem: &Problem<'_>,
     model: &Model,
     coordinates: &[f64],
-    place: usize,
+    (place, part): (usize, Part),
     residual: &Residual,
     coordinate: usize,
     step: f64,
@@ -200,7 +232,7 @@ fn column(
         if (step / by - 1.0).abs() > 0.5 {
             return None;
         }
-        let mut column = problem.residual(place, &other, Part::Fit);
+        let mut column = problem.residual(place, &other, part);
         for (column, residual) in column.iter_mut().zip(residual) {
             for (value, here) in column.iter_mut().zip(residual) {
                 *value = (*value - here) / step;
@@ -221,19 +253,8 @@ pub struct Normal {
     pub spread: DMatrix<f64>,
     /// The same from run to run, and of how many: what is wrong in one way all along a run shows here alone.
     pub by_run: (DMatrix<f64>, usize),
-    /// Curvature and slope of each run.
-    pub runs: Vec<(DMatrix<f64>, DVector<f64>)>,
     /// Sum of `ρ`.
     pub cost: f64,
-}
-
-/// Where the coordinates would go without a run, and the standard deviations they would have.
-#[derive(Clone, Debug)]
-pub struct WithoutRun {
-    /// By coordinate.
-    pub shift: DVector<f64>,
-    /// By coordinate.
-    pub deviation: DVector<f64>,
 }
 
 impl Normal {
@@ -244,7 +265,6 @@ impl Normal {
             slope: DVector::zeros(count),
             spread: zeros(),
             by_run: (zeros(), 0),
-            runs: Vec::new(),
             cost: 0.0,
         }
     }
@@ -254,7 +274,6 @@ impl Normal {
         self.slope += other.slope;
         self.spread += other.spread;
         self.by_run = (self.by_run.0 + other.by_run.0, self.by_run.1 + other.by_run.1);
-        self.runs.extend(other.runs);
         self.cost += other.cost;
         self
     }
@@ -286,7 +305,6 @@ impl Normal {
         sum.slope = slopes.column_sum();
         sum.spread = &slopes * slopes.transpose();
         sum.by_run = (&sum.slope * sum.slope.transpose(), 1);
-        sum.runs = vec![(sum.curvature.clone(), sum.slope.clone())];
         sum
     }
 
@@ -300,6 +318,19 @@ impl Normal {
             self.slope[place] += (at - expected) * sure.powi(-2);
         }
         self
+    }
+
+    /// The same with what is known of some coordinates from elsewhere, where they stand: the inverse of its covariance.
+    #[must_use]
+    pub(super) fn with_known(mut self, curvature: &DMatrix<f64>) -> Self {
+        self.curvature += curvature;
+        self.spread += curvature;
+        self
+    }
+
+    /// How far the minimum is, if all were linear.
+    pub(super) fn step(&self) -> Option<DVector<f64>> {
+        Some(-(regular(&self.curvature)? * &self.slope))
     }
 
     /// Covariance of the coordinates at the minimum, of rows that depend on each other within a block, and within a
@@ -325,24 +356,8 @@ impl Normal {
     }
 }
 
-impl Normal {
-    /// What the minimum would do without each run, if all were linear; nothing where there are fewer than `RUNS`.
-    pub fn without_each_run(&self) -> Vec<WithoutRun> {
-        if self.runs.len() < RUNS {
-            return Vec::new();
-        }
-        let without = |(curvature, slope): &(DMatrix<f64>, DVector<f64>)| {
-            let inverse = regular(&(&self.curvature - curvature))?;
-            // At the minimum the others pull as this one does, the other way.
-            let shift = &inverse * slope;
-            Some(WithoutRun { shift, deviation: inverse.diagonal().map(|variance| variance.max(0.0).sqrt()) })
-        };
-        self.runs.iter().filter_map(without).collect()
-    }
-}
-
 /// The inverse of a curvature in which some coordinates may do nothing.
-fn regular(curvature: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+pub(super) fn regular(curvature: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     let mut curvature = curvature.clone();
     for place in 0..curvature.nrows() {
         curvature[(place, place)] += 1e-9;
@@ -357,22 +372,6 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn without_a_run_the_others_go_where_they_want() {
-        // A mean of five runs of ten rows each, the last of which is off by 5: without it the mean is 0, and 1 with it.
-        let column: Residual = vec![vec![-1.0; 10]];
-        let mean = 1.0;
-        let runs = [0.0, 0.0, 0.0, 0.0, 5.0].map(|is| {
-            let residual: Residual = vec![vec![is - mean; 10]];
-            Normal::of(&residual, &[Some(&column)], 5, Loss::straight(10.0))
-        });
-        let all = runs.into_iter().fold(Normal::zero(1), Normal::plus);
-        let without: Vec<f64> = all.without_each_run().iter().map(|run| mean + run.shift[0]).collect();
-        for (found, truth) in without.iter().zip([1.25, 1.25, 1.25, 1.25, 0.0]) {
-            assert!((found - truth).abs() < 1e-6, "{without:?}");
-        }
-    }
 
     /// A hundred blocks of ten rows that all say the same, half of them up and half of them down.
     fn in_blocks() -> Residual {

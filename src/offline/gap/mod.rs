@@ -26,6 +26,7 @@ pub mod gates;
 mod grid;
 mod held;
 pub mod intake;
+pub mod judged;
 pub mod linear;
 pub mod locate;
 pub mod logged;

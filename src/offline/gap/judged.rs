@@ -1,0 +1,62 @@
+//! What the rows that judge say of an effect by themselves.
+//!
+//! ```text
+//!   fitted rows ──► base, times and places of the effect, and how sure they are ──┐
+//!   rows that judge ──────────────────────────────────────────────────────────────┴─► its amplitudes
+//! ```
+//!
+//! A base that is freed by an effect may do better on all rows, and the effect itself nothing. So its amplitudes are
+//! asked once more of the rows that no model has seen, and of those alone.
+//! Invariant: what the fitted rows say of an amplitude has no say here.
+
+use nalgebra::DMatrix;
+
+use super::fit::Fitted;
+use super::linear::{BLOCK_S, K, Linear, Loss, Steps, regular};
+use super::problem::{Part, Problem};
+
+/// An amplitude by the rows that judge, in shares of what the fitted rows say of it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Judged {
+    /// What it is there.
+    pub share: f64,
+    /// Its standard deviation.
+    pub deviation: f64,
+}
+
+/// What the rows that judge say of amplitudes: of each with all others as they follow it, but for times and places. Nothing
+/// where they do not tell.
+pub fn judged(problem: &Problem<'_>, fitted: &Fitted, amplitudes: &[usize]) -> Vec<Judged> {
+    let model = &fitted.model;
+    let steps = Steps::of(model, &fitted.covariance);
+    let shapes: Vec<usize> = model.shapes().collect();
+    let known: Vec<usize> = (0..model.coordinate_count())
+        .filter(|coordinate| !amplitudes.contains(coordinate) && !shapes.contains(coordinate))
+        .collect();
+    let linear = Linear::of_part(problem, model, Part::Held, &steps, &shapes);
+    // By their size: what is far off tells most of an effect that is not there.
+    let equations = linear.normal(problem.rows_in(BLOCK_S), Loss::straight(K));
+    let found = of_others(&fitted.covariance, &known).and_then(|curvature| {
+        let equations = equations.with_known(&curvature);
+        Some((equations.step()?, equations.covariance()?))
+    });
+    let Some((step, covariance)) = found else { return Vec::new() };
+    let coordinates = model.coordinates();
+    let of = |at: &usize| Judged {
+        share: 1.0 + step[*at] / coordinates[*at],
+        deviation: (covariance[(*at, *at)].sqrt() / coordinates[*at]).abs(),
+    };
+    amplitudes.iter().map(of).collect()
+}
+
+/// What is known of some coordinates whatever the others are: the inverse of their covariance, in the place of all.
+fn of_others(covariance: &DMatrix<f64>, known: &[usize]) -> Option<DMatrix<f64>> {
+    let inverse = regular(&covariance.select_rows(known).select_columns(known))?;
+    let mut all = DMatrix::zeros(covariance.nrows(), covariance.ncols());
+    for (row, at) in known.iter().enumerate() {
+        for (column, other) in known.iter().enumerate() {
+            all[(*at, *other)] = inverse[(row, column)];
+        }
+    }
+    Some(all)
+}
