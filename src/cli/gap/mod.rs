@@ -1,7 +1,9 @@
 //! `quadrant gap`: where simulation and measurement disagree, the effect that is missing, and how far the gap shrinks
 //! with it.
 
+mod circles;
 mod demo;
+mod effect;
 mod plan;
 mod printed;
 mod record;

@@ -1,21 +1,23 @@
 //! What `quadrant gap` prints, for people and for scripts.
 
 use std::collections::BTreeMap;
-use std::fmt::{self, Write};
+use std::fmt::Write;
 use std::path::PathBuf;
 
 use serde::Serialize;
 
+use super::circles::Circle;
+use super::effect::{Effect, Falsified, Next, once, short};
 use crate::cli::view::table;
 use crate::config::Machine;
 use crate::offline::gap::analysis::{Analysis, AxisGap};
-use crate::offline::gap::fit::Fitted;
 use crate::offline::gap::gates::Gate;
 use crate::offline::gap::locate::unit;
 use crate::offline::gap::problem::SIGNALS;
 use crate::offline::gap::runs::Run;
 use crate::offline::gap::shortlist::Smallest;
 use crate::offline::gap::verdict::{SignalGap, Verdict};
+use crate::offline::report::gap::NamedRow;
 
 /// Columns of a terminal.
 const WIDTH: usize = 110;
@@ -27,6 +29,8 @@ pub(super) struct Printed {
     effects: Vec<Effect>,
     located: Vec<Located>,
     gap: Gap,
+    /// Circular tests among the runs, measured and simulated.
+    circles: Vec<Circle>,
     /// The machine file with the effects added; nothing where none was named.
     machine_after: Option<String>,
     /// The page, where one was asked for.
@@ -34,18 +38,6 @@ pub(super) struct Printed {
     axes: BTreeMap<String, Axis>,
     repaired: Vec<String>,
     seconds: f64,
-}
-
-#[derive(Debug, Serialize)]
-struct Effect {
-    axis: String,
-    name: &'static str,
-    parameters: BTreeMap<String, f64>,
-    interval: BTreeMap<String, [f64; 2]>,
-    confidence: f64,
-    alternatives: Vec<&'static str>,
-    /// What would tell it from those of its class; nothing where nothing does, or none is needed.
-    told_apart_by: Option<String>,
 }
 
 /// A coordinate over which what the base leaves has a shape.
@@ -138,22 +130,29 @@ impl Printed {
         }
         let effects = analysis.axes.iter().flat_map(|axis| {
             let axis_name = name(axis);
-            axis.named.effects.iter().enumerate().flat_map(move |(place, named)| {
+            axis.named.effects.iter().enumerate().flat_map(move |(of, named)| {
                 let axis_name = axis_name.clone();
                 // What came next is no member of a class.
                 let is_alone = named.class.len() == 1;
-                let runner_up = named.runner_up.filter(|_| is_alone).map(|(name, _)| name);
+                let runner_up = named.runner_up.as_ref().filter(|_| is_alone);
                 named.class.iter().enumerate().map(move |(rank, (candidate, weight))| {
                     let others = named.members();
-                    let alternatives =
-                        others.filter(|other| *other != candidate.name()).chain(runner_up).collect();
+                    let alternatives = others
+                        .filter(|other| *other != candidate.name())
+                        .chain(runner_up.map(|next| next.name))
+                        .collect();
                     // The likeliest beside all that was named later.
                     let (fitted, place) = match rank {
-                        0 => (&axis.named.model, place),
+                        0 => (&axis.named.model, of),
                         _ => (&candidate.fitted, candidate.fitted.model.effects.len() - 1),
                     };
-                    let effect = Effect::new(axis_name.clone(), fitted, place, *weight, alternatives);
-                    Effect { told_apart_by: named.told_apart_by().map(|by| by.to_string()), ..effect }
+                    let mut effect = Effect::new(axis_name.clone(), fitted, place, *weight, alternatives);
+                    effect.told_apart_by = named.told_apart_by().map(|by| by.to_string());
+                    effect.runner_up = runner_up.map(Next::new);
+                    if let (0, Some(follows)) = (rank, &axis.consequences[of]) {
+                        effect.falsified_by = Some(Falsified::new(candidate, follows, runs));
+                    }
+                    effect
                 })
             })
         });
@@ -218,6 +217,7 @@ impl Printed {
                 })
                 .collect(),
             gap,
+            circles: analysis.contours.iter().map(|contour| Circle::new(contour, runs)).collect(),
             machine_after,
             report: None,
             axes: axes.collect(),
@@ -226,17 +226,9 @@ impl Printed {
         }
     }
 
-    /// What was named as cells of a table.
-    pub(super) fn rows(&self) -> Vec<[String; 4]> {
-        let of = |effect: &Effect| {
-            let values = effect.parameters.iter().map(|(key, value)| match effect.interval.get(key) {
-                Some([low, high]) => format!("{key} {value:.4} ({low:.4} to {high:.4})"),
-                None => format!("{key} {value:.4}"),
-            });
-            let values: Vec<String> = values.collect();
-            let confidence = format!("{:.2}", effect.confidence);
-            [effect.axis.clone(), effect.name.to_owned(), values.join(", "), confidence]
-        };
+    /// What was named, for a page.
+    pub(super) fn rows(&self) -> Vec<NamedRow> {
+        let of = |effect: &Effect| NamedRow { cells: effect.cells(), sentences: effect.sentences() };
         self.effects.iter().map(of).collect()
     }
 
@@ -260,6 +252,9 @@ impl Printed {
                 let _ = writeln!(text, "  not named: {}, which {}", refused.name, against.join(", "));
             }
             let _ = writeln!(text, "{}", axis.seen_text());
+        }
+        for circle in self.circles.iter().filter(|circle| circle.is_held_out) {
+            let _ = writeln!(text, "{circle}");
         }
         let closed = 100.0 * self.gap.heldout_closed_fraction;
         let _ = writeln!(text, "closed on rows not fitted: {closed:.1} %");
@@ -304,74 +299,8 @@ fn listed(title: &str, items: impl Iterator<Item = String>) -> String {
     text
 }
 
-/// Three digits that say something.
-fn short(value: f64) -> String {
-    if value == 0.0 {
-        return "0".to_owned();
-    }
-    let places = 2 - value.abs().log10().floor().clamp(-6.0, 2.0) as i32;
-    format!("{value:.*}", places.max(0) as usize)
-}
-
-impl fmt::Display for Effect {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(out, "{}:", self.name)?;
-        for (key, value) in &self.parameters {
-            write!(out, " {key} {}", short(*value))?;
-            if let Some([low, high]) = self.interval.get(key) {
-                write!(out, " ({} to {})", short(*low), short(*high))?;
-            }
-        }
-        write!(out, ", confidence {:.2}", self.confidence)?;
-        if !self.alternatives.is_empty() {
-            write!(out, ", or else {}", self.alternatives.join(" or "))?;
-        }
-        self.told_apart_by.iter().try_for_each(|by| write!(out, "; told apart by {by}"))
-    }
-}
-
 fn seen_from(smallest: &Smallest) -> (&'static str, Option<BTreeMap<&'static str, f64>>) {
     (smallest.name, smallest.amplitude.map(|amplitude| BTreeMap::from([(smallest.key, amplitude)])))
-}
-
-impl Effect {
-    fn new(
-        axis: String,
-        fitted: &Fitted,
-        place: usize,
-        confidence: f64,
-        alternatives: Vec<&'static str>,
-    ) -> Self {
-        let values = fitted.effect(place);
-        Self {
-            axis,
-            name: fitted.model.effects[place].entry.effect(),
-            parameters: values.iter().map(|(key, value, _)| ((*key).to_owned(), *value)).collect(),
-            interval: values.into_iter().map(|(key, _, interval)| (key.to_owned(), interval)).collect(),
-            confidence,
-            alternatives,
-            told_apart_by: None,
-        }
-    }
-
-    /// The same with a second harmonic of its own in it.
-    fn take_in(&mut self, harmonic: Self) {
-        let second = |key: &String| format!("second-{key}");
-        self.parameters.extend(harmonic.parameters.iter().map(|(key, value)| (second(key), *value)));
-        self.interval.extend(harmonic.interval.iter().map(|(key, interval)| (second(key), *interval)));
-    }
-}
-
-/// Each effect of an axis once.
-fn once(effects: impl Iterator<Item = Effect>) -> Vec<Effect> {
-    let mut all: Vec<Effect> = Vec::new();
-    for effect in effects {
-        match all.iter_mut().find(|first| first.axis == effect.axis && first.name == effect.name) {
-            Some(first) => first.take_in(effect),
-            None => all.push(effect),
-        }
-    }
-    all
 }
 
 #[cfg(test)]
@@ -387,23 +316,5 @@ mod tests {
         let text = listed("  these:", (0..40).map(|item| format!("item-{item}")));
         assert!(text.lines().count() > 2 && text.lines().all(|line| line.len() <= WIDTH), "{text}");
         assert!(text.ends_with("item-38, item-39"), "{text}");
-    }
-
-    #[test]
-    fn a_second_harmonic_is_told_with_its_effect() {
-        let cogging = |axis: &str, torque_nm: f64| Effect {
-            axis: axis.to_owned(),
-            name: "motor-cogging",
-            parameters: BTreeMap::from([("torque-nm".to_owned(), torque_nm)]),
-            interval: BTreeMap::from([("torque-nm".to_owned(), [0.9 * torque_nm, 1.1 * torque_nm])]),
-            confidence: 1.0,
-            alternatives: Vec::new(),
-            told_apart_by: None,
-        };
-        let effects = once([cogging("x", 2.0), cogging("y", 3.0), cogging("x", 1.0)].into_iter());
-        let [x, y] = effects.as_slice() else { panic!("{effects:?}") };
-        assert_eq!(x.parameters.values().copied().collect::<Vec<f64>>(), [1.0, 2.0]);
-        assert!(x.interval.contains_key("second-torque-nm"));
-        assert_eq!(y.parameters.len(), 1);
     }
 }

@@ -42,18 +42,21 @@ pub fn draw(test: &CircularTest, title: &str) -> String {
     svg.finish(title)
 }
 
-/// Draws two tests of the same circle side by side, at the motor encoder and on one scale.
-pub fn compare(tests: [(&str, &CircularTest); 2], title: &str) -> String {
+/// Draws a point of tests of the same circle side by side, on one scale.
+pub fn compare(tests: &[(&str, &CircularTest, &PointAnalysis)], title: &str) -> String {
     let width = PANEL * tests.len() as f64;
     let mut svg = Svg::new(width, HEAD + PANEL_HEIGHT);
     let heading = TextStyle { is_bold: true, ..text(17.0, Anchor::Middle) };
     svg.text([width / 2.0, 28.0], heading, title);
-    legend(&mut svg, tests[0].1, width);
-    let [one, other] = tests.map(|(_, test)| deviation_range_um(&test.motor));
-    let values_um = [one[0].min(other[0]), one[1].max(other[1])];
-    for (index, (name, test)) in tests.into_iter().enumerate() {
+    if let Some((_, first, _)) = tests.first() {
+        legend(&mut svg, first, width);
+    }
+    let ranges = tests.iter().map(|(.., point)| deviation_range_um(point));
+    let wider = |one: [f64; 2], other: [f64; 2]| [one[0].min(other[0]), one[1].max(other[1])];
+    let values_um = ranges.reduce(wider).unwrap_or_default();
+    for (index, (name, test, point)) in tests.iter().enumerate() {
         let centre = [PANEL * (index as f64 + 0.5), HEAD + PANEL_HEIGHT / 2.0 - 18.0];
-        panel(&mut svg, test, &test.motor, centre, name, values_um);
+        panel(&mut svg, test, point, centre, name, values_um);
     }
     svg.finish(title)
 }

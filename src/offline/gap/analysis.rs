@@ -6,6 +6,8 @@ use std::time::Instant;
 
 use thiserror::Error;
 
+use super::consequence::{Consequence, consequence};
+use super::contour::{Contour, contours};
 use super::controller::{self, Match};
 use super::floor::{self, Noise};
 use super::forward::{Course, Signals};
@@ -84,6 +86,8 @@ pub struct AxisGap<'m> {
     pub runs_left: Vec<RunLeft>,
     /// The gap in rms, by signal: before, after, floor; on the rows that were not fitted.
     pub gap: Vec<SignalGap>,
+    /// What follows from each effect that was named, in their order.
+    pub consequences: Vec<Option<Consequence>>,
 }
 
 /// Everything that was found.
@@ -92,6 +96,8 @@ pub struct Analysis<'m> {
     pub repeats: Vec<Repeat>,
     /// The axes.
     pub axes: Vec<AxisGap<'m>>,
+    /// Circles among the runs.
+    pub contours: Vec<Contour>,
     /// How long it took, s.
     pub seconds: f64,
 }
@@ -122,7 +128,9 @@ pub fn analyse<'m>(
     for id in ids {
         axes.push(axis(machine, runs, &repeats, id, gain_set, progress)?);
     }
-    Ok(Analysis { repeats, axes, seconds: began.elapsed().as_secs_f64() })
+    progress("circles, before and after");
+    let contours = contours(runs, &axes);
+    Ok(Analysis { repeats, axes, contours, seconds: began.elapsed().as_secs_f64() })
 }
 
 fn axis<'m>(
@@ -149,7 +157,9 @@ fn axis<'m>(
     let verdict = verdict(&named, &gap, has_shape);
     let both = locate::both(&problem, &named.base.model, &named.model.model);
     let (located, runs_left) = (locate::located(&problem, &both), locate::runs_left(&problem, &both));
-    Ok(AxisGap { id, problem, controller, named, verdict, located, runs_left, gap })
+    let of = |place| consequence(&problem, &named.model.model, place);
+    let consequences = (0..named.effects.len()).map(of).collect();
+    Ok(AxisGap { id, problem, controller, named, verdict, located, runs_left, gap, consequences })
 }
 
 /// An axis with its runs and their noise, under gains; `phases` are the rows in which its position loop acts first.

@@ -91,7 +91,7 @@ pub fn fit(problem: &Problem<'_>, start: &Model, effort: Effort, known: Option<&
     for _ in 0..iterations {
         let loss = Loss::bounded(knee);
         let mut total = sum(&left, loss) + believed(&model);
-        let mut linear = Linear::new(problem, &model, left, known, &steps);
+        let mut linear = Linear::new(problem, &model, (Part::Fit, left), known, &steps);
         let before = total;
         let mut first_gain = 0.0;
         let mut was_fine = false;
@@ -157,7 +157,7 @@ pub fn fit(problem: &Problem<'_>, start: &Model, effort: Effort, known: Option<&
 }
 
 /// What all rows are within but for [`EVENTS`], and never less than what judges.
-fn knee(left: &[Residual]) -> f64 {
+pub(super) fn knee(left: &[Residual]) -> f64 {
     // Rows that do not count are zero.
     let mut sizes: Vec<f64> =
         left.iter().flatten().flatten().map(|value| value.abs()).filter(|size| *size > 0.0).collect();

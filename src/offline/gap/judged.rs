@@ -12,7 +12,7 @@
 use nalgebra::DMatrix;
 
 use super::fit::Fitted;
-use super::linear::{BLOCK_S, K, Linear, Loss, Steps, regular};
+use super::linear::{BLOCK_S, K, Linear, Loss, Steps, regular, residuals};
 use super::problem::{Part, Problem};
 
 /// An amplitude by the rows that judge, in shares of what the fitted rows say of it.
@@ -33,7 +33,8 @@ pub fn judged(problem: &Problem<'_>, fitted: &Fitted, amplitudes: &[usize]) -> V
     let known: Vec<usize> = (0..model.coordinate_count())
         .filter(|coordinate| !amplitudes.contains(coordinate) && !shapes.contains(coordinate))
         .collect();
-    let linear = Linear::of_part(problem, model, Part::Held, &steps, &shapes);
+    let left = (Part::Held, residuals(problem, model, Part::Held));
+    let linear = Linear::new(problem, model, left, None, &steps).holding(&shapes);
     // By their size: what is far off tells most of an effect that is not there.
     let equations = linear.normal(problem.rows_in(BLOCK_S), Loss::straight(K));
     let found = of_others(&fitted.covariance, &known).and_then(|curvature| {

@@ -125,11 +125,12 @@ pub struct Linear {
 }
 
 impl Linear {
-    /// Of a model that leaves these residuals. The columns of coordinates that `known` has are taken from there.
+    /// Of a model that leaves these residuals of a part of the rows. The columns of coordinates that `known` has are taken from
+    /// there.
     pub fn new(
         problem: &Problem<'_>,
         model: &Model,
-        left: Vec<Residual>,
+        (part, left): (Part, Vec<Residual>),
         known: Option<&Self>,
         steps: &Steps,
     ) -> Self {
@@ -142,7 +143,7 @@ impl Linear {
                     problem,
                     model,
                     &coordinates,
-                    (place, Part::Fit),
+                    (place, part),
                     &residual,
                     coordinate,
                     steps.0[coordinate],
@@ -152,32 +153,8 @@ impl Linear {
             let columns = (0..coordinates.len()).into_par_iter().map(column).collect();
             LinearRun { residual, columns }
         };
-        let places = problem.places(Part::Fit).into_par_iter().zip(left);
+        let places = problem.places(part).into_par_iter().zip(left);
         Self { model: model.clone(), runs: places.enumerate().map(of).collect() }
-    }
-
-    /// Of a part of the rows, where some coordinates are held.
-    pub(super) fn of_part(
-        problem: &Problem<'_>,
-        model: &Model,
-        part: Part,
-        steps: &Steps,
-        held: &[usize],
-    ) -> Self {
-        let coordinates = model.coordinates();
-        let of = |place: usize| {
-            let residual = problem.residual(place, model, part);
-            let column = |of: usize| {
-                if held.contains(&of) {
-                    return None;
-                }
-                column(problem, model, &coordinates, (place, part), &residual, of, steps.0[of]).map(Arc::new)
-            };
-            let columns = (0..coordinates.len()).into_par_iter().map(column).collect();
-            LinearRun { residual, columns }
-        };
-        let places = problem.places(part).into_par_iter();
-        Self { model: model.clone(), runs: places.map(of).collect() }
     }
 
     /// The same where some coordinates make up for nothing.

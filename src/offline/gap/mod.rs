@@ -11,11 +11,14 @@
 //! [`repeats`]; [`forward`] runs the machine file from the command alone and [`controller`] its loops alone; [`fit`] fits a
 //! [`model`] in closed loop to a [`problem`], by its derivatives ([`linear`]); [`locate`] tells where the gap lives;
 //! [`shortlist`] and [`mod@name`] find the effects, which have to pass the [`gates`]; `foretold` tells whether something is
-//! left, and [`verdict`] says it in a word; [`write_back`] adds them to the machine file. [`demo`] is a machine to show it on.
+//! left, and [`verdict`] says it in a word; [`contour`] and [`consequence`] show what it does to circles, and what would
+//! falsify it; [`write_back`] adds them to the machine file. [`demo`] is a machine to show it on.
 //! Invariant: what is named was better on rows that no model had seen, and what cannot be told apart is named together.
 
 pub mod analysis;
 mod blocks;
+pub mod consequence;
+pub mod contour;
 pub mod controller;
 pub mod demo;
 pub mod fit;

@@ -77,8 +77,19 @@ pub struct NamedEffect {
     pub name: &'static str,
     /// The best first, each with how probable it is among them.
     pub class: Vec<(Candidate, f64)>,
-    /// The next that is worse, and by how much.
-    pub runner_up: Option<(&'static str, f64)>,
+    /// The next that is none of them.
+    pub runner_up: Option<RunnerUp>,
+}
+
+/// What came next, and why it is not what was named.
+#[derive(Clone, Debug)]
+pub struct RunnerUp {
+    /// Its name.
+    pub name: &'static str,
+    /// How much less it explains; less than nothing where a gate alone is against it.
+    pub behind: f64,
+    /// The gates it did not pass.
+    pub failed: Vec<Gate>,
 }
 
 impl NamedEffect {
@@ -145,8 +156,11 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
             let is_near = candidate.evidence > best.evidence - margin && count(candidate) <= count(&best);
             is_near || is_alias(best.name(), candidate.name())
         });
-        let runner_up =
-            rest.first().or(refused.first()).map(|next| (next.name(), best.evidence - next.evidence));
+        let runner_up = rest.first().or(refused.first()).map(|next| RunnerUp {
+            name: next.name(),
+            behind: best.evidence - next.evidence,
+            failed: next.failed.clone(),
+        });
         // What explains more and has odd values makes the best no sure name.
         let is_beyond = |one: &&Candidate| one.is_doubtful() && one.evidence > best.evidence + margin;
         class.extend(refused.iter().filter(is_beyond).cloned());
@@ -202,7 +216,13 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
 
 /// A model where nothing of it is known well yet.
 fn linear(problem: &Problem<'_>, model: &Model) -> Linear {
-    Linear::new(problem, model, residuals(problem, model, Part::Fit), None, &Steps::widest(model))
+    Linear::new(
+        problem,
+        model,
+        (Part::Fit, residuals(problem, model, Part::Fit)),
+        None,
+        &Steps::widest(model),
+    )
 }
 
 /// A model without one of its effects, fitted to the bottom from where it stands with it.

@@ -55,7 +55,8 @@ pub fn page(shown: &Shown<'_>) -> String {
     let of_circle = format!("R {} mm · {:.0} mm/min", before.radius_mm, before.feed_mm_per_min);
     let circles = match after {
         Some(after) => {
-            polar::compare([("before", *before), ("after", *after)], &format!("Motor encoder · {of_circle}"))
+            let both = [("before", *before, &before.motor), ("after", *after, &after.motor)];
+            polar::compare(&both, &format!("Motor encoder · {of_circle}"))
         }
         None => polar::draw(before, &format!("Circle before · {of_circle}")),
     };

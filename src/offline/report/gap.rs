@@ -10,16 +10,25 @@ use maud::{PreEscaped, html};
 use super::page::whole;
 use super::{ReportError, put};
 use crate::config::Machine;
-use crate::offline::draw::residual;
+use crate::offline::draw::{polar, residual};
 use crate::offline::gap::analysis::{Analysis, AxisGap};
+use crate::offline::gap::contour::{Contour, point};
 use crate::offline::gap::locate::unit;
 use crate::offline::gap::problem::SIGNALS;
 
 /// Coordinates of an axis that are drawn.
 const DRAWN: usize = 3;
 
-/// Writes `gap.html` into a folder, which is made if need be. `rows` are axis, effect, values and confidence of what was
-/// named.
+/// An effect that was named, as a page shows it.
+#[derive(Debug)]
+pub struct NamedRow {
+    /// Axis, effect, values, confidence.
+    pub cells: [String; 4],
+    /// Why it is no other, and what would falsify it.
+    pub sentences: Vec<String>,
+}
+
+/// Writes `gap.html` into a folder, which is made if need be.
 ///
 /// # Errors
 /// When the folder cannot be made or written to; no half-written file is left behind.
@@ -27,7 +36,7 @@ pub fn write(
     folder: &Path,
     machine: &Machine,
     analysis: &Analysis<'_>,
-    rows: &[[String; 4]],
+    rows: &[NamedRow],
 ) -> Result<PathBuf, ReportError> {
     fs::create_dir_all(folder).map_err(|cause| ReportError::Folder { folder: folder.to_owned(), cause })?;
     put(folder, "gap.html", page(machine, analysis, rows).as_bytes())
@@ -41,7 +50,7 @@ pub fn write_json(folder: &Path, json: &str) -> Result<PathBuf, ReportError> {
     put(folder, "gap.json", format!("{json}\n").as_bytes())
 }
 
-fn page(machine: &Machine, analysis: &Analysis<'_>, rows: &[[String; 4]]) -> String {
+fn page(machine: &Machine, analysis: &Analysis<'_>, rows: &[NamedRow]) -> String {
     let names = machine.axis_names();
     let body = html! {
         h1 { "The gap · " (machine.name) }
@@ -49,14 +58,22 @@ fn page(machine: &Machine, analysis: &Analysis<'_>, rows: &[[String; 4]]) -> Str
         @if rows.is_empty() { p { "No effect was named." } } @else {
             table {
                 thead { tr { th { "axis" } th { "effect" } th { "values, 95 % intervals" } th { "confidence" } } }
-                @for row in rows { tr { @for cell in row { td { (cell) } } } }
+                @for row in rows { tr { @for cell in &row.cells { td { (cell) } } } }
+            }
+            @for row in rows {
+                @if !row.sentences.is_empty() {
+                    p { "Axis " (row.cells[0]) ", " (row.cells[1]) ":" }
+                    ul { @for sentence in &row.sentences { li { (sentence) } } }
+                }
             }
         }
         @for axis in &analysis.axes {
             h2 { "Axis " (names[axis.id.index()]) ": " (axis.verdict) }
             (PreEscaped(shrunk(axis)))
             @for svg in drawn(axis, &names[axis.id.index()]) { figure { (PreEscaped(svg)) } }
+            (PreEscaped(seen(axis)))
         }
+        @for contour in &analysis.contours { (PreEscaped(circle(contour, !rows.is_empty()))) }
     };
     whole(&format!("The gap · {}", machine.name), &body)
 }
@@ -95,4 +112,53 @@ fn drawn(axis: &AxisGap<'_>, name: &str) -> Vec<String> {
         residual::draw(&title, [&across, &format!("{signal} left / {in_unit}")], &profile, noise)
     };
     axis.located.iter().take(DRAWN).map(of).collect()
+}
+
+/// From which amplitude each other effect would have been seen.
+fn seen(axis: &AxisGap<'_>) -> String {
+    let smallest = || axis.named.smallest.iter();
+    let hidden: Vec<&str> = smallest().filter(|one| one.amplitude.is_none()).map(|one| one.name).collect();
+    let table = html! {
+        @if !axis.named.smallest.is_empty() {
+            details {
+                summary { "What else these runs would have shown" }
+                table {
+                    thead { tr { th { "effect" } th { "from" } } }
+                    @for one in smallest() {
+                        @if let Some(amplitude) = one.amplitude {
+                            tr { td { (one.name) } td { (one.key) " " (format!("{amplitude:.3e}")) } }
+                        }
+                    }
+                }
+                @if !hidden.is_empty() { p { "They do not show: " (hidden.join(", ")) "." } }
+            }
+        }
+    };
+    table.into_string()
+}
+
+/// A circle as measured and as simulated, side by side.
+fn circle(contour: &Contour, is_anything_named: bool) -> String {
+    let [before, after] = &contour.simulated;
+    let mut tests = vec![("measured", &contour.measured), ("base fitted", before)];
+    if is_anything_named {
+        tests.push(("with what was named", after));
+    }
+    let panels: Vec<_> = tests.into_iter().map(|(name, test)| (name, test, point(test))).collect();
+    let test = &contour.measured;
+    let title = format!(
+        "R {} mm · {:.0} mm/min · {}",
+        test.radius_mm,
+        test.feed_mm_per_min,
+        point(test).point.name()
+    );
+    let apart = contour.contour_um.map(|um| format!("{um:.2}"));
+    let part = html! {
+        h2 { "Circle R " (test.radius_mm) " mm, " (format!("{:.0}", test.feed_mm_per_min)) " mm/min"
+            @if contour.is_held { ", not fitted" } }
+        p { "Radial deviation, measured less simulated: " (apart[0]) " um rms with the base fitted, " (apart[1])
+            " um with what was named; noise " (format!("{:.2}", contour.floor_um)) " um." }
+        figure { (PreEscaped(polar::compare(&panels, &title))) }
+    };
+    part.into_string()
 }
