@@ -41,6 +41,8 @@ use effects::step::Bare;
 use friction::Law;
 use maps::Motion;
 
+/// A standing table leans on a flank with this share of what friction holds, and more: less may be the noise of a current.
+const LEANS: f64 = 0.02;
 /// Steps of a tick while the table creeps, reverses or may break away.
 pub const FINE_STEPS: u32 = 10;
 /// Longest dead time of the actuator, in ticks.
@@ -122,7 +124,8 @@ impl Plant {
         plant
     }
 
-    /// An axis that friction holds at rest against this force of its motor, wound up by it; its motor is at zero.
+    /// An axis that friction holds at rest against this force of its motor, wound up by it; its motor is at zero. Play is taken
+    /// up on the side of the force, and the less of it the nearer the force is to none.
     ///
     /// # Panics
     /// As [`Plant::new`].
@@ -130,8 +133,8 @@ impl Plant {
         let held_n = Law::new(axis.friction).breakaway().as_n();
         let force_n = force.as_n().clamp(-held_n, held_n);
         let mechanics = &axis.mechanics;
-        let side = if force_n == 0.0 { 0.0 } else { force_n.signum() };
-        let deflection_m = force_n / mechanics.stiffness_n_per_m + 0.5 * side * mechanics.backlash_m;
+        let lean = (force_n / (LEANS * held_n).max(f64::MIN_POSITIVE)).clamp(-1.0, 1.0);
+        let deflection_m = force_n / mechanics.stiffness_n_per_m + 0.5 * lean * mechanics.backlash_m;
         let motion = [deflection_m, 0.0, 0.0, force_n, 0.0];
         let mut plant = Self::from_state(axis, tick, FINE_STEPS, motion, 0.0, Gap::new(mechanics.backlash_m));
         plant.pending_n = [force_n; DEAD_TICKS_MAX + 1];

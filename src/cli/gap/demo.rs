@@ -24,7 +24,7 @@ use crate::run::Place;
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
     /// Machine file, or an embedded machine: reference, paper, classic
-    #[arg(long, default_value = "paper", value_name = "FILE|NAME")]
+    #[arg(long, default_value = "reference", value_name = "FILE|NAME")]
     machine: String,
     /// Effect that is hidden, one of docs/effects.md
     #[arg(long, default_value = "backlash", value_name = "NAME", value_parser = known)]

@@ -4,6 +4,7 @@
 //! that a model that is wrong elsewhere makes nothing significant.
 //! Invariant: a function of fits and rows alone; the same candidate passes the same gates.
 
+use std::collections::BTreeSet;
 use std::fmt;
 
 use rayon::prelude::*;
@@ -11,7 +12,7 @@ use serde::Serialize;
 
 use super::blocks::Blocks;
 use super::fit::{Effort, Fitted, fit};
-use super::judged::{Judged, judged};
+use super::judged::{self, Judged};
 use super::linear::Linear;
 use super::model::Model;
 use super::problem::Problem;
@@ -62,6 +63,14 @@ impl Candidate {
     pub fn is_doubtful(&self) -> bool {
         let of_values = [Gate::Amplitude, Gate::Bounds, Gate::Whole];
         !self.failed.is_empty() && self.failed.iter().all(|gate| of_values.contains(gate))
+    }
+
+    /// Whether it is at a bound beyond which it is that other one.
+    pub fn is_on_its_way_to(&self, other: &Self) -> bool {
+        let beyond = self.fitted.model.with_last_as_alike();
+        let is_other =
+            |model: &Model| model.effects.last().is_some_and(|tried| tried.entry.effect() == other.name());
+        self.failed.contains(&Gate::Bounds) && beyond.as_ref().is_some_and(is_other)
     }
 
     /// Whether it shows that something is missing, and not what: it explains it with values that no such effect has, or
@@ -143,12 +152,23 @@ pub(super) fn tried(
     rows: [usize; 2],
 ) -> Vec<Candidate> {
     let without_held = blocks_without.cost();
-    let one = |promising: &Model| {
-        let mut fitted = fit(problem, promising, Effort::Coarse(ITERATIONS[1]), Some(here));
-        // What explains much leads far from where those derivatives hold.
-        if is_far(&fitted, without) {
-            fitted = refitted(problem, once, &fitted.model, start);
-        }
+    // What explains much leads far from where those derivatives hold.
+    let grown = |fitted: Fitted| {
+        if is_far(&fitted, without) { refitted(problem, once, &fitted.model, start) } else { fitted }
+    };
+    let both = |model: &Model| {
+        let own = grown(fit(problem, model, Effort::Coarse(ITERATIONS[1]), Some(here)));
+        // At its bound an effect may be on its way to another.
+        let is_at_bound = own.model.is_at_bound(own.model.effects.len() - 1);
+        let other = own.model.with_last_as_alike().filter(|_| is_at_bound);
+        let other = other.map(|model| grown(fit(problem, &model, Effort::Coarse(ITERATIONS[1]), None)));
+        std::iter::once(own).chain(other)
+    };
+    let mut all: Vec<Fitted> = promising.par_iter().flat_map_iter(both).collect();
+    all.sort_by(|a, b| a.total.total_cmp(&b.total));
+    let mut seen = BTreeSet::new();
+    all.retain(|fitted| seen.insert(fitted.model.effects.last().map(|tried| tried.entry.name)));
+    let judged = |fitted: Fitted| {
         let blocks = Blocks::new(problem, &fitted.model);
         let held = blocks.cost();
         let added = fitted.model.effects.len() - 1;
@@ -193,13 +213,13 @@ pub(super) fn tried(
         // Last, for it takes longest.
         if failed.is_empty() && !is_hidden {
             let wants = |alone: Judged| alone.share > f64::max(ALONE.0 * alone.deviation, ALONE.1);
-            if !judged(problem, &fitted, &telling).into_iter().any(wants) {
+            if !judged::judged(problem, &fitted, &telling).into_iter().any(wants) {
                 failed.push(Gate::Judged);
             }
         }
         Candidate { evidence: fall + held_fall, fitted, held, failed }
     };
-    promising.par_iter().map(one).collect()
+    all.into_par_iter().map(judged).collect()
 }
 
 #[cfg(test)]

@@ -150,8 +150,16 @@ pub const BASE: [Base; 11] = [
     },
 ];
 
-/// Effects of one amplitude in the same unit that change much the same.
-const ALIKE: [[&str; 2]; 1] = [["actuator-delay", "current-loop-lag"]];
+/// Values so near to a bound are at it, as a share of what is between both.
+const AT_BOUND: f64 = 1e-4;
+/// An effect, another that changes much the same, and the values of that one.
+type Alike = (&'static str, &'static str, fn(&Values) -> Values);
+const ALIKE: [Alike; 3] = [
+    ("actuator-delay", "current-loop-lag", |values| [values[0], 0.0, 0.0]),
+    ("current-loop-lag", "actuator-delay", |values| [values[0], 0.0, 0.0]),
+    // A zone that is all soft is play, from one of its ends to the other.
+    ("soft-zone", "backlash", |values| [2e-2 * values[0] * values[1], 0.0, 0.0]),
+];
 
 /// An effect with the values it is tried with.
 #[derive(Clone, Copy, Debug)]
@@ -198,13 +206,9 @@ impl Model {
     /// The same with the effect that is like its last one in that one's place, as large; nothing where none is.
     pub fn with_last_as_alike(&self) -> Option<Self> {
         let last = self.effects.last()?;
-        let other = ALIKE.iter().find_map(|pair| {
-            let place = pair.iter().position(|name| *name == last.entry.name)?;
-            entry(pair[1 - place])
-        })?;
-        let mut values: Values = [0.0; VALUES_MAX];
-        values[0] = last.values[0];
-        Some(self.without(self.effects.len() - 1).with(Tried { entry: other, values }))
+        let (_, other, values) = ALIKE.iter().find(|(name, ..)| *name == last.entry.name)?;
+        let tried = Tried { entry: entry(other)?, values: values(&last.values) };
+        Some(self.without(self.effects.len() - 1).with(tried))
     }
 
     /// What it is simulated with.
@@ -331,7 +335,9 @@ impl Model {
         tried.values.iter().zip(tried.entry.parameters).any(|(value, parameter)| {
             let [low, high] = parameter.bounds;
             let is_open = parameter.unit == "deg" || parameter.key == "exponent";
-            !is_open && ((*value == low && low != 0.0) || *value == high)
+            // A fit may end just before it.
+            let near = AT_BOUND * (high - low);
+            !is_open && ((*value <= low + near && low != 0.0) || *value >= high - near)
         })
     }
 }
@@ -348,6 +354,10 @@ mod tests {
     #[test]
     fn what_is_alike_takes_the_place_of_the_other_and_its_size() {
         let tried = |name: &str| Tried { entry: entry(name).expect("an effect"), values: [700.0, 0.0, 0.0] };
+        let zone = Tried { entry: entry("soft-zone").expect("an effect"), values: [90.0, 2.0, 0.0] };
+        let play = Model::new(paper_axis()).with(zone).with_last_as_alike().expect("a backlash");
+        assert_eq!(play.effects[0].entry.name, "backlash");
+        assert!((play.effects[0].values[0] - 3.6).abs() < 1e-9, "{:?}", play.effects[0].values);
         let model = Model::new(paper_axis()).with(tried("backlash")).with(tried("current-loop-lag"));
         let other = model.with_last_as_alike().expect("a delay");
         let names: Vec<&str> = other.effects.iter().map(|tried| tried.entry.name).collect();

@@ -13,12 +13,12 @@
 use rayon::prelude::*;
 
 use super::blocks::Blocks;
-use super::fit::{Effort, Fitted, believed, fit, total_of};
+use super::fit::{Effort, Fitted, believed, fit, knee, total_of};
 use super::gates::{Candidate, FALL, Gate, HELD_FALL, does_not_show_where_judged, tried};
-use super::linear::{Linear, Steps, residuals};
+use super::linear::{K, Linear, Steps, residuals};
 use super::model::Model;
 use super::problem::{Part, Problem};
-use super::refit::{ITERATIONS, base_refitted, coarsely, is_far, refitted, scale};
+use super::refit::{ITERATIONS, base_refitted, coarsely, coarsely_from, is_far, refitted, scale};
 use super::shortlist::{Scored, Smallest, shortlist};
 use super::spectrum::Peaks;
 use crate::plant::effects::{CATALOGUE, Experiment, entry};
@@ -30,6 +30,8 @@ const FITTED: usize = 6;
 const SHARES: [f64; 2] = [0.1, 0.6];
 /// Iterations of a candidate that is fitted to few rows, before it may be dropped.
 const FEW: usize = 2;
+/// Where the knee of the loss would have to be so many times as far, the search takes noise for louder than it is.
+const LOUDER: f64 = 2.0;
 /// Most effects that are named of an axis.
 const EFFECTS_MAX: usize = 4;
 /// Candidates whose evidence is nearer than this, or than this share, cannot be told apart.
@@ -114,22 +116,28 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
     let (problem, coarse) = coarsely(problem, start);
     let (problem, once) = (&problem, problem.first_passes());
     let (mut model, mut blocks) = (coarse.clone(), Blocks::new(problem, &coarse.model));
-    let alone_held = blocks.cost();
     // The base at its bottom, which is known where a name was put to the test.
     let mut base: Option<Fitted> = None;
     let mut effects: Vec<NamedEffect> = Vec::new();
     let (mut refused, mut smallest) = (Vec::new(), Vec::new());
     while effects.len() < EFFECTS_MAX {
         progress("looking for what is missing");
-        let peaks = Peaks::new(problem, &model.model);
-        let here_once = linear(&once, &model.model);
+        let louder = Louder::for_what_is_left(problem, &model.model, start);
+        let (search, searched, at) = match &louder {
+            Some(louder) => (&louder.problem, &louder.once, &louder.fitted),
+            None => (problem, &once, &model),
+        };
+        let at_blocks = Blocks::new(search, &at.model);
+        let explained = Blocks::new(search, &coarse.model).cost() - at_blocks.cost();
+        let peaks = Peaks::new(search, &at.model);
+        let here_once = linear(searched, &at.model);
         // What the base may not go further with makes up for no more.
-        let held: Vec<usize> = model.model.at_reach().collect();
-        let listed = shortlist(&once, &here_once.holding(&held), &|parameter| peaks.of(parameter));
+        let held: Vec<usize> = at.model.at_reach().collect();
+        let listed = shortlist(searched, &here_once.holding(&held), &|parameter| peaks.of(parameter));
         progress("fitting what may be missing");
-        let promising = screened(&once, &here_once, &listed.scored);
+        let promising = screened(searched, &here_once, &listed.scored);
         // All passes tell more than the first of each command.
-        let more = (rows[0] as f64 / once.count(Part::Fit).max(1) as f64).sqrt();
+        let more = (rows[0] as f64 / searched.count(Part::Fit).max(1) as f64).sqrt();
         let by_all =
             |one: Smallest| Smallest { amplitude: one.amplitude.map(|amplitude| amplitude / more), ..one };
         smallest = listed.smallest.into_iter().map(by_all).collect();
@@ -137,9 +145,9 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
         // Of all rows, where anything is to be fitted to them.
         let mut here = None;
         for promising in promising.iter().filter(|promising| !promising.is_empty()) {
-            let here = here.get_or_insert_with(|| linear(problem, &model.model));
-            let judged = (&blocks, alone_held - blocks.cost());
-            candidates.extend(tried(problem, here, &model, judged, promising, (&once, start), rows));
+            let here = here.get_or_insert_with(|| linear(search, &at.model));
+            let judged = (&at_blocks, explained);
+            candidates.extend(tried(search, here, at, judged, promising, (searched, start), rows));
             if candidates.iter().any(|candidate: &Candidate| candidate.failed.is_empty()) {
                 break;
             }
@@ -162,7 +170,9 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
             failed: next.failed.clone(),
         });
         // What explains more and has odd values makes the best no sure name.
-        let is_beyond = |one: &&Candidate| one.is_doubtful() && one.evidence > best.evidence + margin;
+        let is_beyond = |one: &&Candidate| {
+            one.is_doubtful() && !one.is_on_its_way_to(&best) && one.evidence > best.evidence + margin
+        };
         class.extend(refused.iter().filter(is_beyond).cloned());
         // Tempered: what is near a tie is to be told as one.
         let weights: Vec<f64> =
@@ -170,7 +180,7 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
         let all: f64 = weights.iter().sum();
         let class = class.into_iter().zip(weights.iter().map(|weight| weight / all)).collect();
         progress(&format!("{}: is it needed?", best.name()));
-        model = if is_far(&best.fitted, &model) {
+        model = if louder.is_none() && is_far(&best.fitted, &model) {
             best.fitted.clone()
         } else {
             refitted(problem, &once, &best.fitted.model, start)
@@ -212,6 +222,28 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
     }
     let [base_held, held] = [base_blocks, blocks].map(|blocks| blocks.cost());
     Named { base, base_held, model, held, effects, refused, smallest, rows }
+}
+
+/// A search in which noise counts as louder than it is.
+struct Louder<'m> {
+    problem: Problem<'m>,
+    once: Problem<'m>,
+    fitted: Fitted,
+}
+
+impl<'m> Louder<'m> {
+    /// Where a model leaves so much that the bounded loss does not tell which way is down, noise is as loud as makes all but one row
+    /// in a hundred count; nothing where there is little of it.
+    fn for_what_is_left(problem: &Problem<'m>, model: &Model, start: &Model) -> Option<Self> {
+        let by = knee(&residuals(problem, model, Part::Fit)) / K;
+        if by < LOUDER {
+            return None;
+        }
+        let louder = problem.louder(by);
+        let once = louder.first_passes();
+        let fitted = coarsely_from(&louder, &once, model, start);
+        Some(Self { problem: louder, once, fitted })
+    }
 }
 
 /// A model where nothing of it is known well yet.

@@ -126,6 +126,16 @@ impl<'m> Problem<'m> {
         self.with_data(Arc::new(data))
     }
 
+    /// The same where all noise is so many times as loud.
+    #[must_use]
+    pub fn louder(&self, by: f64) -> Self {
+        let mut louder = self.with_data(self.data.clone());
+        for noise in louder.noises.iter_mut().flatten() {
+            (noise.rms, noise.left) = (by * noise.rms, by * noise.left);
+        }
+        louder
+    }
+
     /// The same axis with other data.
     #[must_use]
     pub fn with_data(&self, data: Arc<Vec<AxisData>>) -> Self {

@@ -73,6 +73,16 @@ pub(super) fn coarsely<'m>(problem: &Problem<'m>, start: &Model) -> (Problem<'m>
     (problem, fitted)
 }
 
+/// A model fitted coarsely, from where it stands and from the base of the file.
+pub(super) fn coarsely_from(
+    problem: &Problem<'_>,
+    once: &Problem<'_>,
+    model: &Model,
+    start: &Model,
+) -> Fitted {
+    fit(problem, &by_all_ways(problem, once, model, start), Effort::Coarse(ITERATIONS[0]), None)
+}
+
 /// Whether a model explains so much of what another leaves that it is fitted to the bottom before it is judged.
 pub(super) fn is_far(fitted: &Fitted, without: &Fitted) -> bool {
     fitted.total < FAR * without.total
