@@ -173,7 +173,9 @@ fn what_is_named_is_written_into_the_file_and_shown_on_a_page() {
     assert_eq!(beside.filter(is_old).count(), 1, "the old file is kept, once");
 
     let page = fs::read_to_string(folder.path().join("page/gap.html")).expect("a page");
-    for part in ["backlash", "width-um", "an effect is missing", "<svg"] {
+    let falsified = &said["effects"][0]["falsified_by"];
+    assert!(falsified["apart"].as_f64() > falsified["noise"].as_f64(), "{falsified}");
+    for part in ["backlash", "width-um", "an effect is missing", "<svg", "falsified by small reversals"] {
         assert!(page.contains(part), "the page has no {part}");
     }
 }

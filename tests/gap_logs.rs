@@ -10,6 +10,9 @@ use quadrant::base::motion::{Circle, Direction};
 use quadrant::base::units::{Position, Velocity};
 use quadrant::config::plan::CircleRequest;
 use quadrant::config::{self, Machine};
+use quadrant::offline::circle::MeasuringPoint;
+use quadrant::offline::gap::analysis::{Request, analyse};
+use quadrant::offline::gap::contour::point;
 use quadrant::offline::gap::forward::{Course, SETTLE_S, Signals, without_counts};
 use quadrant::offline::gap::logged;
 use quadrant::offline::gap::runs::RunError;
@@ -56,6 +59,23 @@ fn a_log_is_what_its_machine_makes_of_the_command() {
         let least_um = (0..every as usize).map(off_um).fold(f64::INFINITY, f64::min);
         assert!(least_um < 0.3, "axis {id}: {least_um} um off");
     }
+}
+
+#[test]
+fn the_circles_of_a_log_are_judged_as_measured_and_as_simulated() {
+    let machine = config::load("paper").expect("a machine");
+    let intake = logged::of_trace("log", &logged(&machine), &machine).expect("runs");
+    let request = Request { gains: "standard".to_owned(), axes: Vec::new() };
+    let analysis = analyse(&machine, &intake.runs, &request, &|_| ()).expect("an analysis");
+    let [circle] = analysis.contours.as_slice() else { panic!("{} circles", analysis.contours.len()) };
+    let (measured, [before, _]) = (&circle.measured, &circle.simulated);
+    assert_eq!((measured.radius_mm, measured.feed_mm_per_min), (4.0, 4_000.0));
+    assert!(measured.revolutions > 1, "with the turns of its run-in");
+    let (measured, before) = (point(measured), point(before));
+    assert_eq!(measured.point, MeasuringPoint::Table);
+    let apart_um = (measured.circular_deviation_um - before.circular_deviation_um).abs();
+    assert!(measured.circular_deviation_um > 5.0 && apart_um < 0.3, "G is {apart_um} um off");
+    assert!(circle.contour_um[0] < 0.3, "{circle:?}");
 }
 
 #[test]
