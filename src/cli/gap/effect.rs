@@ -9,7 +9,7 @@ use crate::offline::gap::consequence::Consequence;
 use crate::offline::gap::fit::Fitted;
 use crate::offline::gap::gates::{Candidate, Gate};
 use crate::offline::gap::name::RunnerUp;
-use crate::offline::gap::problem::SIGNALS;
+use crate::offline::gap::problem::shown;
 use crate::offline::gap::runs::Run;
 
 #[derive(Debug, Serialize)]
@@ -82,8 +82,7 @@ impl fmt::Display for Next {
 
 impl Falsified {
     pub(super) fn new(effect: &Candidate, follows: &Consequence, runs: &[Run]) -> Self {
-        let (signal, si, _) = SIGNALS[follows.signal];
-        let (factor, unit) = if si == "m" { (1e6, "um") } else { (1.0, si) };
+        let (signal, factor, unit) = shown(follows.signal);
         let entry = effect.fitted.model.effects.last().map(|tried| tried.entry);
         Self {
             experiment: entry.map_or_else(String::new, |entry| entry.experiment.to_string()),

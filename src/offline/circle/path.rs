@@ -219,9 +219,13 @@ fn column(axis: &AxisTrace, point: MeasuringPoint) -> Option<&[f64]> {
     }
 }
 
+/// An angle from half a turn back to half a turn on.
+pub fn wrapped(angle_rad: f64) -> f64 {
+    (angle_rad + PI).rem_euclid(TAU) - PI
+}
+
 /// The command's angle, unwrapped both ways from the first evaluated row.
 fn progress(x: &AxisTrace, y: &AxisTrace, circle: &Centred, start: usize) -> Vec<f64> {
-    let wrap = |angle_rad: f64| (angle_rad + PI).rem_euclid(TAU) - PI;
     let raw: Vec<f64> = (x.setpoint_position_m.iter().zip(&y.setpoint_position_m))
         .map(|(x_m, y_m)| {
             let angle_rad = (y_m - circle.y_m).atan2(x_m - circle.x_m);
@@ -229,12 +233,12 @@ fn progress(x: &AxisTrace, y: &AxisTrace, circle: &Centred, start: usize) -> Vec
         })
         .collect();
     let mut unwrapped = raw.clone();
-    unwrapped[start] = wrap(raw[start]);
+    unwrapped[start] = wrapped(raw[start]);
     for row in start + 1..raw.len() {
-        unwrapped[row] = unwrapped[row - 1] + wrap(raw[row] - raw[row - 1]);
+        unwrapped[row] = unwrapped[row - 1] + wrapped(raw[row] - raw[row - 1]);
     }
     for row in (0..start).rev() {
-        unwrapped[row] = unwrapped[row + 1] - wrap(raw[row + 1] - raw[row]);
+        unwrapped[row] = unwrapped[row + 1] - wrapped(raw[row + 1] - raw[row]);
     }
     unwrapped
 }

@@ -5,7 +5,7 @@
 use rayon::prelude::*;
 
 use super::model::Model;
-use super::problem::{Part, Problem, SIGNALS};
+use super::problem::{Problem, SIGNALS};
 
 /// The signal and the run in which a model without an effect is furthest from that with it, in units of noise.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -26,7 +26,7 @@ pub fn consequence(problem: &Problem<'_>, model: &Model, place: usize) -> Option
     let of_run = |run: usize| {
         let both = [model, &without].map(|model| problem.simulated(run, model));
         let data = &problem.data[run];
-        let part = if data.has(Part::Fit) { Part::Fit } else { Part::Held };
+        let part = data.main_part();
         let of_signal = |signal: usize| {
             let noise = problem.noises[signal].as_ref()?.rms;
             let [with, without] =

@@ -18,6 +18,7 @@ use crate::base::axis::AxisId;
 use crate::base::motion::{Circle, Direction};
 use crate::base::units::{Position, Velocity};
 use crate::offline::circle::fit::least_squares_circle;
+use crate::offline::circle::path::wrapped;
 use crate::offline::circle::{self, CircularTest, PointAnalysis};
 use crate::offline::trace::{AxisTrace, Trace};
 
@@ -206,11 +207,6 @@ fn circle_of(
         revolutions: revolutions as u32,
     };
     (nominal.revolutions > 0).then_some((nominal, start..to + 1))
-}
-
-/// An angle from half a turn back to half a turn on.
-fn wrapped(rad: f64) -> f64 {
-    (rad + 0.5 * TAU).rem_euclid(TAU) - 0.5 * TAU
 }
 
 /// What a trace has of an axis.

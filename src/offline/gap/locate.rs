@@ -176,7 +176,7 @@ impl Rows {
         let data = &problem.data[place];
         let coordinates = coordinates(problem, place);
         let counts = |row: &usize| data.fit[*row] || data.held[*row];
-        let part = if data.has(Part::Fit) { Part::Fit } else { Part::Held };
+        let part = data.main_part();
         let left = SIGNALS.map(|(.., pick)| {
             let [before, after] =
                 simulated.each_ref().map(|simulated| problem.left(place, simulated, pick, part));

@@ -116,19 +116,21 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
     let (problem, coarse) = coarsely(problem, start);
     let (problem, once) = (&problem, problem.first_passes());
     let (mut model, mut blocks) = (coarse.clone(), Blocks::new(problem, &coarse.model));
+    let alone_held = blocks.cost();
     // The base at its bottom, which is known where a name was put to the test.
     let mut base: Option<Fitted> = None;
     let mut effects: Vec<NamedEffect> = Vec::new();
     let (mut refused, mut smallest) = (Vec::new(), Vec::new());
     while effects.len() < EFFECTS_MAX {
         progress("looking for what is missing");
-        let louder = Louder::for_what_is_left(problem, &model.model, start);
-        let (search, searched, at) = match &louder {
-            Some(louder) => (&louder.problem, &louder.once, &louder.fitted),
-            None => (problem, &once, &model),
+        let louder = Louder::for_what_is_left(problem, &model.model, [start, &coarse.model]);
+        let (search, searched, at, judged) = match &louder {
+            Some(louder) => {
+                (&louder.problem, &louder.once, &louder.fitted, (&louder.blocks, louder.alone_held))
+            }
+            None => (problem, &once, &model, (&blocks, alone_held)),
         };
-        let at_blocks = Blocks::new(search, &at.model);
-        let explained = Blocks::new(search, &coarse.model).cost() - at_blocks.cost();
+        let judged = (judged.0, judged.1 - judged.0.cost());
         let peaks = Peaks::new(search, &at.model);
         let here_once = linear(searched, &at.model);
         // What the base may not go further with makes up for no more.
@@ -146,7 +148,6 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
         let mut here = None;
         for promising in promising.iter().filter(|promising| !promising.is_empty()) {
             let here = here.get_or_insert_with(|| linear(search, &at.model));
-            let judged = (&at_blocks, explained);
             candidates.extend(tried(search, here, at, judged, promising, (searched, start), rows));
             if candidates.iter().any(|candidate: &Candidate| candidate.failed.is_empty()) {
                 break;
@@ -229,12 +230,15 @@ struct Louder<'m> {
     problem: Problem<'m>,
     once: Problem<'m>,
     fitted: Fitted,
+    blocks: Blocks,
+    /// Cost of the base alone on the rows that judge.
+    alone_held: f64,
 }
 
 impl<'m> Louder<'m> {
     /// Where a model leaves so much that the bounded loss does not tell which way is down, noise is as loud as makes all but one row
     /// in a hundred count; nothing where there is little of it.
-    fn for_what_is_left(problem: &Problem<'m>, model: &Model, start: &Model) -> Option<Self> {
+    fn for_what_is_left(problem: &Problem<'m>, model: &Model, [start, alone]: [&Model; 2]) -> Option<Self> {
         let by = knee(&residuals(problem, model, Part::Fit)) / K;
         if by < LOUDER {
             return None;
@@ -242,7 +246,8 @@ impl<'m> Louder<'m> {
         let louder = problem.louder(by);
         let once = louder.first_passes();
         let fitted = coarsely_from(&louder, &once, model, start);
-        Some(Self { problem: louder, once, fitted })
+        let [blocks, alone] = [&fitted.model, alone].map(|model| Blocks::new(&louder, model));
+        Some(Self { problem: louder, once, fitted, blocks, alone_held: alone.cost() })
     }
 }
 

@@ -25,6 +25,12 @@ pub const SIGNALS: [(&str, &str, Pick); 3] = [
     ("current", "A", |signals| &signals.current_a),
 ];
 
+/// Name of the signal of a place in [`SIGNALS`] as it is shown, how much more of its unit it is than in SI, and that unit.
+pub fn shown(signal: usize) -> (&'static str, f64, &'static str) {
+    let (name, unit, _) = SIGNALS[signal];
+    if unit == "m" { (name, 1e6, "um") } else { (name, 1.0, unit) }
+}
+
 /// A run of one axis.
 #[derive(Clone, Debug)]
 pub struct AxisData {
@@ -60,6 +66,11 @@ impl AxisData {
             Part::Fit => &self.fit,
             Part::Held => &self.held,
         }
+    }
+
+    /// The part that tells what is left of it: that which models are fitted to, if it has one.
+    pub fn main_part(&self) -> Part {
+        if self.has(Part::Fit) { Part::Fit } else { Part::Held }
     }
 
     /// Whether it has any.

@@ -15,7 +15,7 @@ use super::gates::Candidate;
 use super::linear::BLOCK_S;
 use super::model::{BASE, Model};
 use super::name::Named;
-use super::problem::{Part, Problem, SIGNALS};
+use super::problem::{Part, Problem, SIGNALS, shown};
 
 /// A gap that moves an axis by less is none that anybody would look for, um.
 pub const PRACTICAL_UM: f64 = 0.1;
@@ -112,8 +112,7 @@ pub(super) fn gaps(problem: &Problem<'_>, file: &Model, named: &Named) -> Vec<Si
     let [file, before, after] = [file, &named.base.model, &named.model.model].map(rms);
     let of = |(signal, noise): (usize, &Option<Noise>)| {
         let noise = noise.as_ref()?;
-        let (name, unit, _) = SIGNALS[signal];
-        let (factor, unit) = if unit == "m" { (1e6, "um") } else { (1.0, unit) };
+        let (name, factor, unit) = shown(signal);
         Some(SignalGap {
             signal: name,
             unit,

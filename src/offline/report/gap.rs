@@ -14,7 +14,7 @@ use crate::offline::draw::{polar, residual};
 use crate::offline::gap::analysis::{Analysis, AxisGap};
 use crate::offline::gap::contour::{Contour, point};
 use crate::offline::gap::locate::unit;
-use crate::offline::gap::problem::SIGNALS;
+use crate::offline::gap::problem::shown;
 
 /// Coordinates of an axis that are drawn.
 const DRAWN: usize = 3;
@@ -98,8 +98,7 @@ fn shrunk(axis: &AxisGap<'_>) -> String {
 /// Where it lives: the coordinates that explain the most.
 fn drawn(axis: &AxisGap<'_>, name: &str) -> Vec<String> {
     let of = |located: &crate::offline::gap::locate::Located| {
-        let (signal, si, _) = SIGNALS[located.signal];
-        let (factor, in_unit) = if si == "m" { (1e6, "um") } else { (1.0, si) };
+        let (signal, factor, in_unit) = shown(located.signal);
         let profile: Vec<[f64; 3]> =
             located.profile.iter().map(|[x, before, after]| [*x, factor * before, factor * after]).collect();
         let noise = axis.problem.noises[located.signal].as_ref().map_or(0.0, |noise| factor * noise.rms);
