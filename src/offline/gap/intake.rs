@@ -35,7 +35,7 @@ const LAG_FACTOR: f64 = 3.0;
 /// # Errors
 /// [`RunError`], where the data cannot be what they say they are.
 pub fn of_raw(name: &str, raw: Raw, machine: &Machine) -> Result<Intake, RunError> {
-    in_units(pieces(name, raw, machine)?, machine)
+    Ok(in_units(pieces(name, raw, machine)?, machine)?.taken_apart())
 }
 
 /// The runs between long gaps, in whatever unit they are.

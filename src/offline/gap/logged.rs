@@ -37,7 +37,7 @@ pub fn of_trace(name: &str, trace: &Trace, machine: &Machine) -> Result<Intake, 
             Err(error) => return Err(error),
         }
     }
-    Ok(all)
+    Ok(all.taken_apart())
 }
 
 /// Rows of a log between those in which an axis was without current, followed another gain set or was excited.

@@ -7,7 +7,7 @@
 //!            residuals   coordinate  fits     file    command, before and after
 //! ```
 //!
-//! [`intake`] looks at data, and [`logged`] at logs, before they are believed as [`runs`]; [`floor`] finds the noise in
+//! [`intake`] looks at data, and [`logged`] at logs, before they are believed as [`runs`], of one kind of `motions` each; [`floor`] finds the noise in
 //! [`repeats`]; [`forward`] runs the machine file from the command alone and [`controller`] its loops alone; [`fit`] fits a
 //! [`model`] in closed loop to a [`problem`], by its derivatives ([`linear`]); [`locate`] tells where the gap lives;
 //! [`shortlist`] and [`mod@name`] find the effects, which have to pass the [`gates`]; `foretold` tells whether something is
@@ -34,6 +34,7 @@ pub mod linear;
 pub mod locate;
 pub mod logged;
 pub mod model;
+mod motions;
 pub mod name;
 pub mod plan;
 pub mod problem;

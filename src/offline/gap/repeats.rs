@@ -1,8 +1,9 @@
 //! Where a command comes again: in the laps of a run, and in runs of the same command.
 //!
-//! A lap need not be a whole number of rows.
+//! A lap need not be a whole number of rows. Where a run has none, motions between rests may come again in it.
 //! Invariant: what was measured takes no part.
 
+use super::motions::motions;
 use super::runs::{Run, span};
 
 /// Shortest lap, s.
@@ -12,6 +13,9 @@ const SAME_SHARE: f64 = 2e-4;
 /// What was different before a repeat fades for so long, s, and it must then go on for so long to tell the noise.
 const FADE_S: f64 = 1.0;
 const REPEAT_MIN_S: f64 = 0.5;
+/// Where a run goes on for more than this share of it after its last repeat, that is no run-out.
+const RUN_OUT_SHARE: f64 = 0.2;
+
 /// Rows of a run that were commanded like rows of it, or of another run, before: `later = earlier + shift`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Repeat {
@@ -27,7 +31,7 @@ pub struct Repeat {
 pub fn repeats(runs: &[Run]) -> Vec<Repeat> {
     let mut found = Vec::new();
     for (index, run) in runs.iter().enumerate() {
-        found.extend(laps(index, run));
+        found.extend(laps(index, run).or_else(|| motions_again(index, run)));
         for (other, twin) in runs.iter().enumerate().skip(index + 1) {
             if is_same_command(run, twin) {
                 let rows = [(FADE_S / run.period_s) as usize, run.len().min(twin.len()) - 1];
@@ -45,7 +49,9 @@ pub fn repeats(runs: &[Run]) -> Vec<Repeat> {
 pub fn first_pass(run: usize, rows: usize, repeats: &[Repeat]) -> usize {
     let of = |repeat: &Repeat| match repeat.runs {
         [first, second] if first == run && second == run => {
-            Some(repeat.rows[0] + repeat.shift.ceil() as usize)
+            let shift = repeat.shift.ceil() as usize;
+            let is_over = repeat.rows[1] + shift >= ((1.0 - RUN_OUT_SHARE) * rows as f64) as usize;
+            is_over.then_some(repeat.rows[0] + shift)
         }
         _ => None,
     };
@@ -69,63 +75,116 @@ fn span_m(run: &Run) -> f64 {
     run.axes.values().map(|axis| span(&axis.setpoint_m)).fold(0.0, f64::max)
 }
 
-/// The first lag at which all setpoints of a run come again, with the longest stretch of rows for which they do.
-fn laps(index: usize, run: &Run) -> Option<Repeat> {
-    let rows = run.len();
-    let least = (LAP_MIN_S / run.period_s) as usize;
-    let fade = (FADE_S / run.period_s) as usize;
-    let repeat_min = fade + (REPEAT_MIN_S / run.period_s) as usize;
-    let span_m = span_m(run);
-    if rows <= least + repeat_min || span_m == 0.0 {
-        return None;
+/// Whether a run is one of laps.
+pub(super) fn repeats_itself(run: &Run) -> bool {
+    laps(0, run).is_some()
+}
+
+/// A run with what its repeats are looked for by.
+struct Laps<'r> {
+    run: &'r Run,
+    columns: Vec<&'r [f64]>,
+    span_m: f64,
+    /// Rows of [`LAP_MIN_S`], of [`FADE_S`], and of a stretch that is long enough.
+    least: usize,
+    fade: usize,
+    repeat_min: usize,
+}
+
+impl<'r> Laps<'r> {
+    /// Nothing of a run that is too short or stands.
+    fn of(run: &'r Run) -> Option<Self> {
+        let rows_in = |seconds: f64| (seconds / run.period_s) as usize;
+        let fade = rows_in(FADE_S);
+        let laps = Self {
+            run,
+            columns: run.axes.values().map(|axis| axis.setpoint_m.as_slice()).collect(),
+            span_m: span_m(run),
+            least: rows_in(LAP_MIN_S),
+            fade,
+            repeat_min: fade + rows_in(REPEAT_MIN_S),
+        };
+        (run.len() > laps.least + laps.repeat_min && laps.span_m > 0.0).then_some(laps)
     }
-    // Where the setpoint of the middle comes again, coarsely; then how well, and for how long.
-    let columns: Vec<&[f64]> = run.axes.values().map(|axis| axis.setpoint_m.as_slice()).collect();
-    let off = |row: usize, shift: f64| {
-        columns.iter().map(|column| (at(column, row as f64 + shift) - column[row]).abs()).fold(0.0, f64::max)
-    };
+
+    /// How far a setpoint is from that so many rows later.
+    fn off(&self, row: usize, shift: f64) -> f64 {
+        let off = |column: &&[f64]| (at(column, row as f64 + shift) - column[row]).abs();
+        self.columns.iter().map(off).fold(0.0, f64::max)
+    }
+
+    /// The longest stretch of rows that come again so many rows later, if it is long enough and anything moves in it.
+    fn stretch(&self, shift: f64) -> Option<[usize; 2]> {
+        let rows = self.run.len() - shift.ceil() as usize;
+        let [from, to] = longest(rows, |row| self.off(row, shift) <= SAME_SHARE * self.span_m)?;
+        let moves = |column: &&[f64]| {
+            let part = &column[from..to];
+            part.iter().any(|value| (value - part[0]).abs() > 0.01 * self.span_m)
+        };
+        (to - from >= self.repeat_min && self.columns.iter().any(moves)).then_some([from, to])
+    }
+
+    fn repeat(&self, index: usize, shift: f64, [from, to]: [usize; 2]) -> Repeat {
+        Repeat { runs: [index, index], shift, rows: [from + self.fade, to] }
+    }
+}
+
+/// The first lag at which most setpoints of a run come again, with the longest stretch of rows for which they do.
+fn laps(index: usize, run: &Run) -> Option<Repeat> {
+    let laps = Laps::of(run)?;
+    let rows = run.len();
+    // Where setpoints come again, coarsely; then how well, and for how long.
     let probes = |lag: usize| -> f64 {
         let last = rows - lag;
         let count = 24.min(last);
         let from = |probe: usize| (probe * last) / count;
-        let mut offs: Vec<f64> = (0..count).map(|probe| off(from(probe), lag as f64)).collect();
+        let mut offs: Vec<f64> = (0..count).map(|probe| laps.off(from(probe), lag as f64)).collect();
         offs.sort_by(f64::total_cmp);
         // Most of the probes: run-in and run-out do not repeat.
         offs[(count * 6) / 10]
     };
     let step = 4;
     let lags: Vec<(usize, f64)> =
-        (least..rows - repeat_min).step_by(step).map(|lag| (lag, probes(lag))).collect();
+        (laps.least..rows - laps.repeat_min).step_by(step).map(|lag| (lag, probes(lag))).collect();
     let is_low = |place: usize| {
         let here = lags[place].1;
-        here < 0.01 * span_m
+        here < 0.01 * laps.span_m
             && (place == 0 || lags[place - 1].1 >= here)
             && (place + 1 == lags.len() || lags[place + 1].1 >= here)
     };
-    for place in (0..lags.len()).filter(|place| is_low(*place)) {
+    (0..lags.len()).filter(|place| is_low(*place)).find_map(|place| {
         let shift = refined(lags[place].0 as f64, step as f64, |shift| {
             let last = (rows as f64 - shift) as usize;
             let mut offs: Vec<f64> =
-                (0..last).step_by((last / 200).max(1)).map(|row| off(row, shift)).collect();
+                (0..last).step_by((last / 200).max(1)).map(|row| laps.off(row, shift)).collect();
             offs.sort_by(f64::total_cmp);
             offs[(offs.len() * 6) / 10]
         });
-        let Some(stretch) =
-            longest(rows - shift.ceil() as usize, |row| off(row, shift) <= SAME_SHARE * span_m)
-        else {
-            continue;
-        };
-        if stretch[1] - stretch[0] >= repeat_min {
-            let moves = columns.iter().any(|column| {
-                let part = &column[stretch[0]..stretch[1]];
-                part.iter().any(|value| (value - part[0]).abs() > 0.01 * span_m)
-            });
-            if moves {
-                return Some(Repeat { runs: [index, index], shift, rows: [stretch[0] + fade, stretch[1]] });
-            }
-        }
+        Some(laps.repeat(index, shift, laps.stretch(shift)?))
+    })
+}
+
+/// Motions that come again somewhere in a run: the longest stretch of them.
+fn motions_again(index: usize, run: &Run) -> Option<Repeat> {
+    let laps = Laps::of(run)?;
+    let motions = motions(run);
+    let mut shifts: Vec<usize> = Vec::new();
+    for (place, one) in motions.iter().enumerate() {
+        let later = motions[place + 1..].iter().map(|other| other.start - one.start);
+        // A row more or less is left to the stretch.
+        shifts.extend(later.filter(|shift| *shift >= laps.least));
     }
-    None
+    shifts.sort_unstable();
+    shifts.dedup();
+    let found = shifts.into_iter().filter(|shift| run.len() > shift + laps.repeat_min);
+    let found = found.filter_map(|shift| Some((shift as f64, laps.stretch(shift as f64)?)));
+    // Of equally long ones the first.
+    let (shift, stretch) = found.fold(None, |best: Option<(f64, [usize; 2])>, (shift, [from, to])| {
+        let length = |[from, to]: [usize; 2]| to - from;
+        let is_longer = best.is_none_or(|(_, other)| to - from > length(other));
+        if is_longer { Some((shift, [from, to])) } else { best }
+    })?;
+    Some(laps.repeat(index, shift, stretch))
 }
 
 /// The lag near `from` at which `off` is least, by golden section.

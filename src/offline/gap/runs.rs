@@ -9,6 +9,7 @@ use thiserror::Error;
 
 use super::grid::REPAIRED_SHARE_MAX;
 use super::intake::SHORTEST_S;
+use super::motions::taken_apart;
 use crate::base::axis::AxisId;
 
 /// Why a run cannot be used.
@@ -171,5 +172,11 @@ impl Intake {
     pub fn extend(&mut self, more: Self) {
         self.runs.extend(more.runs);
         self.repaired.extend(more.repaired);
+    }
+
+    /// With a run for each motion that comes again by itself.
+    #[must_use]
+    pub(super) fn taken_apart(self) -> Self {
+        Self { runs: self.runs.into_iter().flat_map(taken_apart).collect(), ..self }
     }
 }
