@@ -28,7 +28,8 @@ const AT_REST_M_PER_S: (f64, f64) = (2e-5, 1e-3);
 /// Counts of encoders that resolve everything.
 const FINE_COUNTS_PER_REV: u32 = 1 << 30;
 const FINE_COUNTS_PER_MM: u32 = 100_000_000;
-/// Rows to either side over which the acceleration of another axis is measured.
+/// Rows to either side over which acceleration and current of another axis are measured: the noise of single rows would
+/// make the force weaker than it is.
 const SWING_ROWS: usize = 20;
 /// The state at the start is the mean of so many rows, of an axis at rest as long as its setpoint stays within that of
 /// the first row, m.
@@ -160,20 +161,25 @@ fn neighbours(run: &Run, machine: &Machine, id: AxisId) -> Vec<Neighbour> {
     let plant = &machine.axes[next].plant;
     let table_m = axis.table_m.as_ref().unwrap_or(&axis.position_m);
     let last = table_m.len() - 1;
-    let of = |(row, current_a): (usize, &f64)| {
+    let mut sums_a = vec![0.0];
+    for current_a in &axis.current_a {
+        sums_a.push(sums_a[sums_a.len() - 1] + current_a);
+    }
+    let of = |row: usize| {
         let [from, to] = [row.saturating_sub(SWING_ROWS), (row + SWING_ROWS).min(last)];
         let middle = usize::midpoint(from, to);
         let side_s = 0.5 * (to - from).max(1) as f64 * run.period_s;
         let [before, here, after] = [from, middle, to].map(|row| axis.position_m[row]);
         let acceleration_m_per_s2 = (before - 2.0 * here + after) / (side_s * side_s);
-        let motor = plant.mechanics.force_of_torque(plant.actuator.torque(Current::a(*current_a)));
+        let mean_a = (sums_a[to + 1] - sums_a[from]) / (to + 1 - from) as f64;
+        let motor = plant.mechanics.force_of_torque(plant.actuator.torque(Current::a(mean_a)));
         Neighbour {
             table: Position::m(table_m[row]),
             // What its motor needs for itself is no force of its screw.
             force: motor - Force::n(plant.mechanics.motor_mass_kg() * acceleration_m_per_s2),
         }
     };
-    axis.current_a.iter().enumerate().map(of).collect()
+    (0..=last).map(of).collect()
 }
 
 /// An axis whose encoders resolve everything. Counts of the simulation are no more those of the measurement than its
