@@ -129,7 +129,7 @@ impl<'a> ClosedAxis<'a> {
         settings.gain_sets[0] = axis.control.gain_sets[usize::from(gain_set)];
         let torque = plant.actuator.torque(start.current);
         let moving = if start.velocity == Velocity::ZERO {
-            Plant::standing(plant, tick, plant.mechanics.force_of_torque(torque)).placed(start.position)
+            Plant::standing(plant, tick, plant.mechanics.force_of_torque(torque), start.position)
         } else {
             Plant::sliding(plant, tick, start.velocity, start.position)
         };

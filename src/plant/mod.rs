@@ -109,14 +109,11 @@ impl Plant {
     ) -> Self {
         let drive_n = steady_force(axis, velocity, place).as_n();
         let (speed, side) = (velocity.as_m_per_s(), velocity.as_m_per_s().signum());
-        let mechanics = &axis.mechanics;
-        let deflection_m = drive_n / mechanics.stiffness_n_per_m + 0.5 * side * mechanics.backlash_m;
-        let motion = [deflection_m, speed, speed, drive_n, 0.0];
-        let mut plant =
-            Self::from_state(axis, tick, fine_steps, motion, side, Gap::new(mechanics.backlash_m));
-        plant.pending_n = [drive_n; DEAD_TICKS_MAX + 1];
-        plant.filter = plant.filter.at(drive_n);
-        plant.body.origin_m = place.as_m();
+        let motion = [0.0, speed, speed, drive_n, 0.0];
+        let gap = Gap::new(axis.mechanics.backlash_m);
+        let mut plant = Self::from_state(axis, tick, fine_steps, motion, side, gap)
+            .wound_up(axis, drive_n, place)
+            .leaning(axis, side);
         if let Some(acting) = &plant.acting {
             let friction_n = acting.steady_friction_n(&plant.body.law, velocity, place);
             plant.body.remembered = acting.remembered(speed, friction_n);
@@ -124,22 +121,43 @@ impl Plant {
         plant
     }
 
-    /// An axis that friction holds at rest against this force of its motor, wound up by it; its motor is at zero. Play is taken
-    /// up on the side of the force, and the less of it the nearer the force is to none.
+    /// An axis that friction holds at rest against this force of its motor, wound up by it; its motor is at zero now, at a place of
+    /// the machine. Play is taken up on the side of the force, and the less of it the nearer the force is to none.
     ///
     /// # Panics
     /// As [`Plant::new`].
-    pub fn standing(axis: &Parameters, tick: Span, force: Force) -> Self {
+    pub fn standing(axis: &Parameters, tick: Span, force: Force, place: Position) -> Self {
         let held_n = Law::new(axis.friction).breakaway().as_n();
         let force_n = force.as_n().clamp(-held_n, held_n);
-        let mechanics = &axis.mechanics;
-        let lean = (force_n / (LEANS * held_n).max(f64::MIN_POSITIVE)).clamp(-1.0, 1.0);
-        let deflection_m = force_n / mechanics.stiffness_n_per_m + 0.5 * lean * mechanics.backlash_m;
-        let motion = [deflection_m, 0.0, 0.0, force_n, 0.0];
-        let mut plant = Self::from_state(axis, tick, FINE_STEPS, motion, 0.0, Gap::new(mechanics.backlash_m));
-        plant.pending_n = [force_n; DEAD_TICKS_MAX + 1];
-        plant.filter = plant.filter.at(force_n);
+        let side = (force_n / (LEANS * held_n).max(f64::MIN_POSITIVE)).clamp(-1.0, 1.0);
+        let motion = [0.0, 0.0, 0.0, force_n, 0.0];
+        let gap = Gap::new(axis.mechanics.backlash_m);
+        let mut plant = Self::from_state(axis, tick, FINE_STEPS, motion, 0.0, gap)
+            .wound_up(axis, force_n, place)
+            .leaning(axis, side);
+        if let Some(acting) = &plant.acting {
+            plant.body.remembered = acting.remembered_at_rest(force_n, place);
+        }
         plant
+    }
+
+    /// The same at a place of the machine, its screw, drive and dead time at a force.
+    fn wound_up(mut self, axis: &Parameters, force_n: f64, place: Position) -> Self {
+        let stiffness_n_per_m = axis.mechanics.stiffness_n_per_m;
+        self.body.motion[0] = match &self.acting {
+            Some(acting) => acting.wound_up_m(stiffness_n_per_m, force_n, place),
+            None => force_n / stiffness_n_per_m,
+        };
+        self.pending_n = [force_n; DEAD_TICKS_MAX + 1];
+        self.filter = self.filter.at(force_n);
+        self.body.origin_m = place.as_m();
+        self
+    }
+
+    /// The same with its play taken up on a side, by as much of it.
+    fn leaning(mut self, axis: &Parameters, side: f64) -> Self {
+        self.body.motion[0] += 0.5 * side * axis.mechanics.backlash_m;
+        self
     }
 
     /// The same so long after the start of the machine, for effects that go with time.

@@ -136,8 +136,7 @@ impl Acting {
     ) -> (f64, Instant) {
         let mut at = self.instant(body, maps, motion, remembered.time_s);
         (at.deflection_m, at.screw_n) = (deflection_m, pull_n);
-        let stretch_m: f64 = self.forces.iter().map(|forced| forced.force.stretch_m(&at)).sum();
-        let all_n = pull_n + maps.stiffness_n_per_m * stretch_m + self.on_table_n(&at, remembered);
+        let all_n = pull_n + maps.stiffness_n_per_m * self.stretch_m(&at) + self.on_table_n(&at, remembered);
         at.side = all_n.signum();
         (all_n, at)
     }
