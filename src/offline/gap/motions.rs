@@ -10,14 +10,17 @@
 
 use std::ops::Range;
 
+use super::forward::SETTLE_S;
 use super::repeats::repeats_itself;
 use super::runs::{AxisRun, Run};
 
 /// No setpoint changes for so long where a machine rests, s; what counts as no change, m.
 const REST_S: f64 = 0.2;
 const STILL_M: f64 = 1e-9;
-/// Of a rest so much belongs to the motion after it, s: the start of a run fades there.
-const BEFORE_S: f64 = 0.5;
+/// A run is taken apart at rests of this length, s, so long before the next motion as the start of a run takes to fade: in a
+/// shorter one an axis is still on its way.
+const LONG_REST_S: f64 = 0.6;
+const BEFORE_S: f64 = SETTLE_S;
 /// What lies between motions that come again is a part of its own from this length on, s.
 const PART_MIN_S: f64 = 3.0;
 
@@ -37,6 +40,18 @@ pub(super) fn motions(run: &Run) -> Vec<Range<usize>> {
     motions
 }
 
+/// Whether each row of a run tells anything: a loop whose integral winds up while its table sticks lets it slip when chance
+/// will, so that rows of a rest say nothing once the way before it has ended.
+pub(super) fn tells(run: &Run) -> Vec<bool> {
+    let arrives = (REST_S / run.period_s) as usize;
+    let mut tells = vec![false; run.len()];
+    for motion in motions(run) {
+        let to = (motion.end + arrives).min(run.len());
+        tells[motion.start..to].fill(true);
+    }
+    tells
+}
+
 /// A run taken apart where a motion that comes again by itself begins or ends.
 pub(super) fn taken_apart(run: Run) -> Vec<Run> {
     let motions = motions(&run);
@@ -44,9 +59,14 @@ pub(super) fn taken_apart(run: Run) -> Vec<Run> {
         motions.iter().map(|rows| repeats_itself(&part_of(&run, rows, String::new()))).collect();
     let least = (PART_MIN_S / run.period_s) as usize;
     let before = (BEFORE_S / run.period_s) as usize;
+    let rest = (LONG_REST_S / run.period_s) as usize;
     let mut cuts = vec![0];
     for place in 1..motions.len() {
-        let cut = motions[place - 1].end.max(motions[place].start.saturating_sub(before));
+        let (last, next) = (motions[place - 1].end, motions[place].start);
+        if next < last + rest {
+            continue;
+        }
+        let cut = next - before;
         let is_edge = comes_again[place - 1] || comes_again[place];
         // A way to where the next motion begins is a part of that one.
         let is_long = |rows: Range<usize>| rows.len() >= least;
@@ -151,8 +171,8 @@ mod tests {
 
     #[test]
     fn what_comes_again_by_itself_is_a_part() {
-        let session = Session::default().rest(0.3).circle(2.0, 3.0).rest(0.8).line(0.01, 0.5).rest(0.3);
-        // The way of a tenth of a metre per minute is no run of its own.
+        let session = Session::default().rest(0.3).circle(2.0, 3.0).rest(0.8).line(0.01, 0.5).rest(0.7);
+        // The way between two circles is no run of its own.
         let session = session.circle(2.0, 4.0).rest(0.7).line(0.03, 2.0).rest(0.3).line(-0.03, 1.0).rest(0.3);
         let run = strokes(session).run();
         let parts = taken_apart(run.clone());
@@ -168,6 +188,16 @@ mod tests {
         let repeats = repeats(&parts);
         let of: Vec<(usize, f64)> = repeats.iter().map(|repeat| (repeat.runs[0], repeat.shift)).collect();
         assert_eq!(of, [(0, 6_000.0), (1, 8_000.0), (2, 4_000.0)], "laps, and strokes behind others");
+    }
+
+    #[test]
+    fn rests_tell_nothing() {
+        let run = Session::default().rest(0.5).line(0.02, 1.0).rest(0.1).line(-0.02, 1.0).rest(0.8).run();
+        let tells = tells(&run);
+        let told: Vec<usize> = (0..run.len()).filter(|row| tells[*row]).collect();
+        // A short rest is part of the motion.
+        assert_eq!([told[0], told[told.len() - 1] + 1], [999, 5_200 + 400]);
+        assert_eq!(told.len(), 4_601);
     }
 
     #[test]

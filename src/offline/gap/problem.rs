@@ -13,6 +13,7 @@ use std::sync::Arc;
 use super::floor::{Loudness, Noise, Pick};
 use super::forward::{Course, SETTLE_S, Signals, without_counts};
 use super::model::Model;
+use super::motions::tells;
 use super::runs::Run;
 use crate::base::axis::AxisId;
 use crate::config::Machine;
@@ -153,13 +154,15 @@ impl<'m> Problem<'m> {
         Self { data, axis: self.axis, noises: self.noises.clone(), ..*self }
     }
 
-    /// Rows of a run that count: those after the start, that are sound, as are those the filter remembers.
+    /// Rows of a run that count: those after the start in which the machine does not rest, that are sound, as are those the
+    /// filter remembers.
     pub fn counting(run: &Run, order: usize) -> Vec<bool> {
         let settled = (SETTLE_S / run.period_s) as usize;
+        let tells = tells(run);
         let mut since_bad = 0;
         let of = |(row, is_sound): (usize, &bool)| {
             since_bad = if *is_sound { since_bad + 1 } else { 0 };
-            row >= settled && since_bad > order
+            row >= settled && since_bad > order && tells[row]
         };
         run.is_sound.iter().enumerate().map(of).collect()
     }
