@@ -12,6 +12,9 @@ use super::problem::{Part, Problem};
 /// How often blocks are drawn to see how sure a fall is, and in how many draws at most it may be none: one in a thousand,
 /// for there are thirty candidates, and each may be the one that chance favours.
 const DRAWS: (usize, usize) = (4_000, 4);
+/// What shows in few blocks, as at reversals, is missing in some draws. It is no chance event where as many blocks may be left
+/// out.
+const LEFT_OUT: usize = 3;
 
 /// Cost of the rows that were not fitted, block by block.
 #[derive(Clone, Debug)]
@@ -43,9 +46,21 @@ impl Blocks {
         self.0.iter().sum()
     }
 
+    /// Whether they are worse than others also without the [`LEFT_OUT`] that speak most for it.
+    pub(super) fn is_worse_in_many_than(&self, other: &Self) -> bool {
+        let mut falls = self.falls_to(other);
+        falls.sort_by(f64::total_cmp);
+        falls.truncate(falls.len().saturating_sub(LEFT_OUT));
+        falls.iter().sum::<f64>() > 0.0
+    }
+
+    fn falls_to(&self, other: &Self) -> Vec<f64> {
+        self.0.iter().zip(&other.0).map(|(a, b)| a - b).collect()
+    }
+
     /// Whether blocks drawn again are worse than others in all but [`DRAWS`].
     pub(super) fn is_surely_worse_than(&self, other: &Self) -> bool {
-        let falls: Vec<f64> = self.0.iter().zip(&other.0).map(|(a, b)| a - b).collect();
+        let falls = self.falls_to(other);
         if falls.is_empty() {
             return false;
         }
@@ -79,5 +94,16 @@ mod tests {
         }
         let [without, with] = falling(-1.0, 0.0);
         assert!(!without.is_surely_worse_than(&with));
+    }
+
+    #[test]
+    fn a_fall_at_each_reversal_is_no_chance_event() {
+        let with = Blocks(vec![400.0; 45]);
+        for (reversals, in_many) in [(4, true), (3, false), (1, false)] {
+            let fall = |block: usize| if block < reversals { 1_800.0 } else { -1.0 };
+            let without = Blocks((0..45).map(|block| 400.0 + fall(block)).collect());
+            assert!(!without.is_surely_worse_than(&with), "too few for draws");
+            assert_eq!(without.is_worse_in_many_than(&with), in_many, "{reversals} reversals");
+        }
     }
 }

@@ -30,12 +30,14 @@ const HELD_SHARE: f64 = 0.02;
 /// much, and so is what they leave.
 const FURTHER: f64 = 0.04;
 /// Cost per row that is plainly more than that of noise, as a ratio.
-const PLAIN: f64 = 1.05;
+pub(super) const PLAIN: f64 = 1.05;
 /// An amplitude must be so many of its standard deviations. Nine runs tell their scatter, and seven deviations of Student's
 /// distribution of as many are as sure as four of a normal one.
 const SURE: f64 = 7.0;
-/// And so many by what the rows that judge say alone, which are fewer, and this share of what the fitted rows say.
-const ALONE: (f64, f64) = (4.0, 0.5);
+/// And so many by what the rows that judge say alone, which are fewer; more where few of them say so; and this share of what the
+/// fitted rows say.
+const ALONE: [f64; 2] = [4.0, 5.0];
+const ALONE_SHARE: f64 = 0.5;
 /// A number that is so many standard deviations from a whole one, but within these, may be whole.
 const NEAR: f64 = 4.0;
 const WHOLE: [f64; 2] = [0.04, 0.15];
@@ -89,7 +91,7 @@ pub enum Gate {
     Fit,
     /// Better on rows it has not seen.
     Held,
-    /// Better there whichever of them are drawn.
+    /// Better there whichever of them are drawn, or left out.
     Blocks,
     /// An amplitude that is sure not to be zero.
     Amplitude,
@@ -158,10 +160,13 @@ pub(super) fn tried(
     };
     let both = |model: &Model| {
         let own = grown(fit(problem, model, Effort::Coarse(ITERATIONS[1]), Some(here)));
-        // At its bound an effect may be on its way to another.
+        // At its bound an effect may be on its way to another, and what leads far may lead to what is alike.
         let is_at_bound = own.model.is_at_bound(own.model.effects.len() - 1);
-        let other = own.model.with_last_as_alike().filter(|_| is_at_bound);
-        let other = other.map(|model| grown(fit(problem, &model, Effort::Coarse(ITERATIONS[1]), None)));
+        let goes_on = is_at_bound || is_far(&own, without);
+        let other = own.model.with_last_as_alike().filter(|_| goes_on);
+        let other = other.map(|model| fit(problem, &model, Effort::Coarse(ITERATIONS[1]), None));
+        let is_worth_it = |other: &Fitted| is_at_bound || other.total < own.total;
+        let other = other.map(|other| if is_worth_it(&other) { grown(other) } else { other });
         std::iter::once(own).chain(other)
     };
     let mut all: Vec<Fitted> = promising.par_iter().flat_map_iter(both).collect();
@@ -189,7 +194,8 @@ pub(super) fn tried(
         if !is_hidden && (held_fall <= HELD_FALL || without_held - held < least) {
             failed.push(Gate::Held);
         }
-        if !is_hidden && !blocks_without.is_surely_worse_than(&blocks) {
+        let in_all_draws = blocks_without.is_surely_worse_than(&blocks);
+        if !is_hidden && !in_all_draws && !blocks_without.is_worse_in_many_than(&blocks) {
             failed.push(Gate::Blocks);
         }
         let place = fitted.model.first_coordinate(added);
@@ -212,7 +218,8 @@ pub(super) fn tried(
         }
         // Last, for it takes longest.
         if failed.is_empty() && !is_hidden {
-            let wants = |alone: Judged| alone.share > f64::max(ALONE.0 * alone.deviation, ALONE.1);
+            let deviations = ALONE[usize::from(!in_all_draws)];
+            let wants = |alone: Judged| alone.share > f64::max(deviations * alone.deviation, ALONE_SHARE);
             if !judged::judged(problem, &fitted, &telling).into_iter().any(wants) {
                 failed.push(Gate::Judged);
             }
