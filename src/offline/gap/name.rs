@@ -14,7 +14,7 @@ use rayon::prelude::*;
 
 use super::blocks::Blocks;
 use super::fit::{Effort, Fitted, believed, fit, knee, total_of};
-use super::gates::{Candidate, FALL, Gate, HELD_FALL, does_not_show_where_judged, tried};
+use super::gates::{Candidate, FALL, Gate, HELD_FALL, PLAIN, does_not_show_where_judged, tried};
 use super::linear::{K, Linear, Steps, residuals};
 use super::model::Model;
 use super::problem::{Part, Problem};
@@ -157,35 +157,40 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
         let (passed, failed): (Vec<Candidate>, Vec<Candidate>) =
             candidates.into_iter().partition(|candidate| candidate.failed.is_empty());
         refused = failed;
-        let Some(best) = passed.first().cloned() else { break };
-        let margin = NEAR.0.max(NEAR.1 * best.evidence);
+        let Some(best) = passed.first() else { break };
+        let (best_name, margin) = (best.name(), NEAR.0.max(NEAR.1 * best.evidence));
         // What says no more with more numbers is no other explanation.
         let count = |candidate: &Candidate| candidate.fitted.model.coordinate_count();
-        let (mut class, rest): (Vec<Candidate>, Vec<Candidate>) = passed.into_iter().partition(|candidate| {
-            let is_near = candidate.evidence > best.evidence - margin && count(candidate) <= count(&best);
-            is_near || is_alias(best.name(), candidate.name())
+        let (least, most) = (best.evidence - margin, count(best));
+        let (near, rest): (Vec<Candidate>, Vec<Candidate>) = passed.into_iter().partition(|candidate| {
+            let is_near = candidate.evidence > least && count(candidate) <= most;
+            is_near || is_alias(best_name, candidate.name())
         });
-        let runner_up = rest.first().or(refused.first()).map(|next| RunnerUp {
+        progress(&format!("{best_name}: is it needed?"));
+        let to_the_bottom = |candidate: &Candidate| {
+            if louder.is_none() && is_far(&candidate.fitted, &model) {
+                candidate.fitted.clone()
+            } else {
+                refitted(problem, &once, &candidate.fitted.model, start)
+            }
+        };
+        let mut near = Near::of(near, &to_the_bottom, &model, rows[0]);
+        let best = near.class[0].0.clone();
+        let next = rest.first().or(refused.first());
+        let runner_up = near.told_apart.take().or(next.map(|next| RunnerUp {
             name: next.name(),
             behind: best.evidence - next.evidence,
             failed: next.failed.clone(),
-        });
+        }));
         // What explains more and has odd values makes the best no sure name.
         let is_beyond = |one: &&Candidate| {
             one.is_doubtful() && !one.is_on_its_way_to(&best) && one.evidence > best.evidence + margin
         };
-        class.extend(refused.iter().filter(is_beyond).cloned());
-        // Tempered: what is near a tie is to be told as one.
-        let weights: Vec<f64> =
-            class.iter().map(|one| (0.5 * (one.evidence - best.evidence).min(0.0) / margin).exp()).collect();
-        let all: f64 = weights.iter().sum();
-        let class = class.into_iter().zip(weights.iter().map(|weight| weight / all)).collect();
-        progress(&format!("{}: is it needed?", best.name()));
-        model = if louder.is_none() && is_far(&best.fitted, &model) {
-            best.fitted.clone()
-        } else {
-            refitted(problem, &once, &best.fitted.model, start)
-        };
+        near.class.extend(refused.iter().filter(is_beyond).map(|one| (one.clone(), 1.0)));
+        let all: f64 = near.class.iter().map(|(_, weight)| weight).sum();
+        near.class.iter_mut().for_each(|(_, weight)| *weight /= all);
+        let Near { class, model: bottom, .. } = near;
+        model = bottom;
         blocks = Blocks::new(problem, &model.model);
         effects.push(NamedEffect { name: best.name(), class, runner_up });
         // On its way to the effect the base may have left a valley in which the fit without it was held up: what is
@@ -223,6 +228,45 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
     }
     let [base_held, held] = [base_blocks, blocks].map(|blocks| blocks.cost());
     Named { base, base_held, model, held, effects, refused, smallest, rows }
+}
+
+/// Candidates that explain nearly as much as the best, at their bottoms.
+struct Near {
+    /// The best first, each with its weight beside it.
+    class: Vec<(Candidate, f64)>,
+    /// The best.
+    model: Fitted,
+    /// The first that their bottoms tell from it.
+    told_apart: Option<RunnerUp>,
+}
+
+impl Near {
+    /// Fits each to the bottom: a coarse fit, and a search where noise is louder than it is, may not tell what rows do.
+    fn of(
+        near: Vec<Candidate>,
+        to_the_bottom: &(dyn Fn(&Candidate) -> Fitted + Sync),
+        without: &Fitted,
+        rows: usize,
+    ) -> Self {
+        let ends: Vec<Fitted> = near.par_iter().map(to_the_bottom).collect();
+        let mut ends: Vec<(Candidate, Fitted)> = near.into_iter().zip(ends).collect();
+        ends.sort_by(|a, b| a.1.total.total_cmp(&b.1.total));
+        let model = ends[0].1.clone();
+        let scale = scale(model.cost, rows);
+        let margin = NEAR.0.max(NEAR.1 * (without.total - model.total) / scale);
+        let behind = |end: &Fitted| (end.total - model.total) / scale;
+        let apart = ends.iter().position(|(_, end)| behind(end) > margin && end.cost > PLAIN * model.cost);
+        let told_apart = apart.map(|place| RunnerUp {
+            name: ends[place].0.name(),
+            behind: behind(&ends[place].1),
+            failed: Vec::new(),
+        });
+        ends.truncate(apart.unwrap_or(ends.len()));
+        // Tempered: what is near a tie is to be told as one.
+        let weighed =
+            |(candidate, end): (Candidate, Fitted)| (candidate, (-0.5 * behind(&end) / margin).exp());
+        Self { class: ends.into_iter().map(weighed).collect(), model, told_apart }
+    }
 }
 
 /// A search in which noise counts as louder than it is.
@@ -292,7 +336,8 @@ impl Without {
         let fall = (self.fitted.total - model.total) / scale(model.cost, rows[0])
             - parameters * (rows[0] as f64).ln();
         let held_fall = (self.blocks.cost() - blocks.cost()) / scale(blocks.cost(), rows[1]);
-        let is_worse = held_fall > HELD_FALL && self.blocks.is_surely_worse_than(blocks);
+        let is_sure = self.blocks.is_surely_worse_than(blocks) || self.blocks.is_worse_in_many_than(blocks);
+        let is_worse = held_fall > HELD_FALL && is_sure;
         let entry = model.model.effects[place].entry;
         let is_plain = does_not_show_where_judged(entry, &self.fitted, model, [&self.blocks, blocks], rows);
         fall > FALL && (is_worse || is_plain)
