@@ -24,7 +24,7 @@ use crate::log::header::rfc3339;
 use crate::offline::gap::analysis::{Analysis, Request, analyse};
 use crate::offline::gap::runs::Intake;
 use crate::offline::gap::write_back::{self, Origin};
-use crate::offline::gap::{intake, logged};
+use crate::offline::gap::{clocks, intake, logged};
 use crate::offline::identify::foreign::Raw;
 use crate::offline::report;
 use crate::offline::trace::Trace;
@@ -94,6 +94,12 @@ fn of_data(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let mut intake = Intake::default();
     for path in &arguments.data {
         intake.extend(read(path, map.as_deref(), &machine)?);
+    }
+    if !clocks::have_one(&intake.runs) {
+        intake.repaired.push(
+            "times of the files overlap: each is given a clock of its own, and nothing that grows over a session is found"
+                .to_owned(),
+        );
     }
     let gap = Gap::of(&machine, intake, &Request { gains: arguments.gains.clone(), axes })?;
     if let Some(path) = &arguments.write {

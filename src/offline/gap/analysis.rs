@@ -145,9 +145,12 @@ fn axis<'m>(
     let say = |what: &str| progress(&format!("axis {axis_name}: {what}"));
     say("the controller alone");
     let (controller, phases) = loops(machine, runs, id, gain_set, &axis_name)?;
-    let problem = problem_of(machine, runs, repeats, id, gain_set, &phases);
+    let mut problem = problem_of(machine, runs, repeats, id, gain_set, &phases);
     let start = Model::new(machine.axes[id].plant);
     let mut named = name::name(&problem, &start, &say);
+    if let Some(behind_s) = &named.clocks_behind_s {
+        problem = problem.with_clocks(behind_s);
+    }
     let mut gap = gaps(&problem, &start, &named);
     let has_shape = leaves_a_shape(&problem, &named);
     if !named.effects.is_empty() && (has_shape || explains_too_little(&problem, &named)) {

@@ -111,6 +111,14 @@ impl Course {
         self.start.time
     }
 
+    /// The same begun so much later.
+    #[must_use]
+    pub fn later(&self, by: Span) -> Self {
+        let mut later = self.clone();
+        later.start.time = later.start.time + by;
+        later
+    }
+
     /// Where the axis should be, m, row by row.
     pub fn setpoints_m(&self) -> impl Iterator<Item = f64> {
         self.setpoints.iter().map(|setpoint| setpoint.position.as_m())

@@ -13,6 +13,7 @@
 use rayon::prelude::*;
 
 use super::blocks::Blocks;
+use super::clocks;
 use super::fit::{Effort, Fitted, believed, fit, knee, total_of};
 use super::gates::{Candidate, FALL, Gate, HELD_FALL, PLAIN, does_not_show_where_judged, tried};
 use super::linear::{K, Linear, Steps, residuals};
@@ -40,6 +41,8 @@ const NEAR: (f64, f64) = (20.0, 0.02);
 /// What an axis lacks.
 #[derive(Debug)]
 pub struct Named {
+    /// By how much the clock of each run had to be set forward, s, where they have none in common.
+    pub clocks_behind_s: Option<Vec<f64>>,
     /// The base alone.
     pub base: Fitted,
     /// Its cost on the rows that were not fitted.
@@ -113,7 +116,11 @@ impl NamedEffect {
 pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Sync)) -> Named {
     let rows = [Part::Fit, Part::Held].map(|part| problem.count(part));
     progress("fitting the base model");
-    let (problem, coarse) = coarsely(problem, start);
+    let (mut problem, coarse) = coarsely(problem, start);
+    let clocks_behind_s = clocks::behind_s(&problem, &coarse.model);
+    if let Some(behind_s) = &clocks_behind_s {
+        problem = problem.with_clocks(behind_s);
+    }
     let (problem, once) = (&problem, problem.first_passes());
     let (mut model, mut blocks) = (coarse.clone(), Blocks::new(problem, &coarse.model));
     let alone_held = blocks.cost();
@@ -227,7 +234,7 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
         (model, blocks) = (base.clone(), base_blocks.clone());
     }
     let [base_held, held] = [base_blocks, blocks].map(|blocks| blocks.cost());
-    Named { base, base_held, model, held, effects, refused, smallest, rows }
+    Named { clocks_behind_s, base, base_held, model, held, effects, refused, smallest, rows }
 }
 
 /// Candidates that explain nearly as much as the best, at their bottoms.

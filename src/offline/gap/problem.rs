@@ -16,6 +16,7 @@ use super::model::Model;
 use super::motions::tells;
 use super::runs::Run;
 use crate::base::axis::AxisId;
+use crate::base::time::Span;
 use crate::config::Machine;
 use crate::config::machine::Axis;
 
@@ -146,6 +147,16 @@ impl<'m> Problem<'m> {
             (noise.rms, noise.left) = (by * noise.rms, by * noise.left);
         }
         louder
+    }
+
+    /// The same where the clock of each run is set forward, s.
+    #[must_use]
+    pub fn with_clocks(&self, behind_s: &[f64]) -> Self {
+        let set = |(data, behind_s): (&AxisData, &f64)| AxisData {
+            course: data.course.later(Span::s(*behind_s)),
+            ..data.clone()
+        };
+        self.with_data(Arc::new(self.data.iter().zip(behind_s).map(set).collect()))
     }
 
     /// The same axis with other data.

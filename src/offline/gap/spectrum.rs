@@ -132,6 +132,11 @@ impl Peaks {
 }
 
 impl Peaks {
+    /// The frequency in time that stands out most.
+    pub(super) fn loudest_hz(&self) -> Option<f64> {
+        self.hz.first().copied()
+    }
+
     /// A place in the middle of an even share of the way, mm.
     fn place_mm(&self, number: u32) -> f64 {
         let [low, high] = self.span_m;

@@ -1,0 +1,127 @@
+//! Clocks of runs: files that each begin at zero say nothing of when they were recorded.
+//!
+//! ```text
+//!   what the base leaves ──► its loudest frequency in time ──► phase of each run ──► what its clock is behind that of the others
+//! ```
+//!
+//! What swings with time keeps its phase through a session. Where runs have no common clock, theirs are set so that the
+//! loudest of it does; what is slower than that is not told.
+//! Invariant: runs of one clock keep it.
+
+use std::f64::consts::TAU;
+
+use nalgebra::Complex;
+use rayon::prelude::*;
+
+use super::model::Model;
+use super::problem::{Problem, Residual};
+use super::runs::Run;
+use super::spectrum::Peaks;
+
+/// Runs of one clock are not at it at the same time for longer than this, s.
+const OVERLAP_S: f64 = 0.1;
+/// How closely a frequency is looked for: so many steps to either side, in lines of the longest run.
+const STEPS: i32 = 160;
+const LINES_PER_STEP: f64 = 1.0 / 128.0;
+
+/// Whether no two runs take place at the same time.
+pub fn have_one(runs: &[Run]) -> bool {
+    is_one(runs.iter().map(|run| [run.start_s, run.start_s + run.duration_s()]).collect())
+}
+
+fn is_one(mut spans_s: Vec<[f64; 2]>) -> bool {
+    spans_s.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    spans_s.windows(2).all(|pair| pair[1][0] > pair[0][1] - OVERLAP_S)
+}
+
+/// What the clock of each run is behind, s; nothing where they have one, or nothing swings.
+pub(super) fn behind_s(problem: &Problem<'_>, model: &Model) -> Option<Vec<f64>> {
+    let period_s = problem.machine.cycle.period.as_s();
+    let begin_s = |place: usize| problem.data[place].course.begins().as_s();
+    let rows = |place: usize| problem.data[place].fit.len();
+    let spans_s = (0..problem.data.len()).map(|at| [begin_s(at), begin_s(at) + rows(at) as f64 * period_s]);
+    if is_one(spans_s.collect()) {
+        return None;
+    }
+    let near_hz = Peaks::new(problem, model).loudest_hz()?;
+    let left: Vec<Residual> = (0..problem.data.len())
+        .into_par_iter()
+        .map(|place| problem.residual(place, model, problem.data[place].main_part()))
+        .collect();
+    let longest_s = (0..left.len()).map(rows).max()? as f64 * period_s;
+    // Each run by itself: what it shows is as loud whatever its clock says.
+    let loudness = |hz: f64| -> f64 {
+        left.iter().flat_map(|run| lines(run, hz, period_s)).map(|line| line.norm_sqr()).sum()
+    };
+    let hz = (-STEPS..=STEPS).into_par_iter().map(|step| {
+        let hz = near_hz + f64::from(step) * LINES_PER_STEP / longest_s;
+        (hz, loudness(hz))
+    });
+    let (hz, _) = hz.max_by(|a, b| a.1.total_cmp(&b.1))?;
+    Some(
+        phases(&left, hz, period_s)
+            .iter()
+            .zip(0..)
+            .map(|(phase, at)| {
+                // What the clock says already is no part of it.
+                let behind = (phase / TAU - hz * begin_s(at)).rem_euclid(1.0);
+                behind / hz
+            })
+            .collect(),
+    )
+}
+
+/// The line of a frequency in each signal of a run, from its own begin.
+fn lines(run: &Residual, hz: f64, period_s: f64) -> Vec<Complex<f64>> {
+    let turn = Complex::from_polar(1.0, -TAU * hz * period_s);
+    let line = |signal: &Vec<f64>| {
+        // Backwards, as a polynomial in the turn of a row.
+        signal.iter().rev().fold(Complex::new(0.0, 0.0), |sum, value| sum * turn + value)
+    };
+    run.iter().map(line).collect()
+}
+
+/// The phase of each run against the loudest, rad.
+fn phases(left: &[Residual], hz: f64, period_s: f64) -> Vec<f64> {
+    let all: Vec<Vec<Complex<f64>>> = left.iter().map(|run| lines(run, hz, period_s)).collect();
+    let power = |run: &Vec<Complex<f64>>| run.iter().map(Complex::norm_sqr).sum::<f64>();
+    let Some(loudest) = all.iter().max_by(|a, b| power(a).total_cmp(&power(b))) else { return Vec::new() };
+    let against = |run: &Vec<Complex<f64>>| -> f64 {
+        run.iter().zip(loudest).map(|(line, other)| line * other.conj()).sum::<Complex<f64>>().arg()
+    };
+    all.iter().map(against).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PERIOD_S: f64 = 5e-4;
+
+    #[test]
+    fn runs_at_the_same_time_have_no_common_clock() {
+        assert!(is_one(vec![[10.0, 15.0], [0.0, 9.0], [15.0, 16.0]]));
+        assert!(!is_one(vec![[0.0, 5.0], [0.0, 6.0]]));
+        assert!(is_one(Vec::new()));
+    }
+
+    #[test]
+    fn what_swings_has_in_each_run_the_phase_of_its_begin() {
+        let (hz, rows) = (40.3, [8_000, 11_000, 5_000]);
+        let begins_s = [0.0, 31.237, 60.004];
+        let run = |(rows, begin_s): (usize, f64)| -> Residual {
+            let swing = |row: usize, by: f64| (TAU * hz * (begin_s + row as f64 * PERIOD_S) + by).cos();
+            vec![
+                (0..rows).map(|row| swing(row, 0.3)).collect(),
+                (0..rows).map(|row| 0.2 * swing(row, 1.9)).collect(),
+            ]
+        };
+        let left: Vec<Residual> = rows.into_iter().zip(begins_s).map(run).collect();
+        let phases = phases(&left, hz, PERIOD_S);
+        for (phase, begin_s) in phases.iter().zip(begins_s) {
+            // The second is the loudest.
+            let off = (phase / TAU - hz * (begin_s - begins_s[1])).rem_euclid(1.0);
+            assert!(off.min(1.0 - off) < 2e-3, "{phase} rad, {off} turns off");
+        }
+    }
+}
