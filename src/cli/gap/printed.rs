@@ -243,6 +243,13 @@ impl Printed {
                 table.add_row(cells.into_iter().chain(values.map(|value| format!("{value:.4}"))));
             }
             let _ = writeln!(text, "{table}");
+            if let (Verdict::Unknown, Some(most)) = (axis.verdict, axis.most_left()) {
+                let RunLeft { run, signal, after, .. } = most;
+                let _ = writeln!(
+                    text,
+                    "  most is left in {run}: {signal}, {after:.1} per row where noise leaves 1"
+                );
+            }
             for effect in self.effects.iter().filter(|effect| effect.axis == *name) {
                 let _ = writeln!(text, "  {effect}");
             }
@@ -256,13 +263,20 @@ impl Printed {
         for circle in self.circles.iter().filter(|circle| circle.is_held_out) {
             let _ = writeln!(text, "{circle}");
         }
-        let closed = 100.0 * self.gap.heldout_closed_fraction;
-        let _ = writeln!(text, "closed on rows not fitted: {closed:.1} %");
+        if !self.effects.is_empty() {
+            let closed = 100.0 * self.gap.heldout_closed_fraction;
+            let _ = writeln!(text, "closed on rows not fitted: {closed:.1} %");
+        }
         text
     }
 }
 
 impl Axis {
+    /// The signal of a run of which most is left.
+    fn most_left(&self) -> Option<&RunLeft> {
+        self.runs.iter().max_by(|a, b| a.after.total_cmp(&b.after))
+    }
+
     /// What else would have been seen.
     fn seen_text(&self) -> String {
         let (seen, hidden): (Vec<_>, Vec<_>) = self.seen_from.iter().partition(|(_, from)| from.is_some());
