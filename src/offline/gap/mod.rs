@@ -37,6 +37,7 @@ pub mod logged;
 pub mod model;
 mod motions;
 pub mod name;
+mod near;
 pub mod plan;
 pub mod problem;
 mod refit;

@@ -15,14 +15,15 @@ use rayon::prelude::*;
 use super::blocks::Blocks;
 use super::clocks;
 use super::fit::{Effort, Fitted, believed, fit, knee, total_of};
-use super::gates::{Candidate, FALL, Gate, HELD_FALL, PLAIN, does_not_show_where_judged, tried};
+use super::gates::{Candidate, FALL, Gate, HELD_FALL, does_not_show_where_judged, tried};
 use super::linear::{K, Linear, Steps, residuals};
 use super::model::Model;
+use super::near::{Near, is_alias, margin};
 use super::problem::{Part, Problem};
 use super::refit::{ITERATIONS, base_refitted, coarsely, coarsely_from, is_far, refitted, scale};
 use super::shortlist::{Scored, Smallest, shortlist};
 use super::spectrum::Peaks;
-use crate::plant::effects::{CATALOGUE, Experiment, entry};
+use crate::plant::effects::{Experiment, entry};
 
 /// Candidates that are fitted together with the base to the first pass of each command. Those that explain this share of
 /// what the best of them explains stay after a few iterations from the better of two starts; in the end those of the
@@ -35,9 +36,6 @@ const FEW: usize = 2;
 const LOUDER: f64 = 2.0;
 /// Most effects that are named of an axis.
 const EFFECTS_MAX: usize = 4;
-/// Candidates whose evidence is nearer than this, or than this share, cannot be told apart.
-const NEAR: (f64, f64) = (20.0, 0.02);
-
 /// What an axis lacks.
 #[derive(Debug)]
 pub struct Named {
@@ -165,7 +163,7 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
             candidates.into_iter().partition(|candidate| candidate.failed.is_empty());
         refused = failed;
         let Some(best) = passed.first() else { break };
-        let (best_name, margin) = (best.name(), NEAR.0.max(NEAR.1 * best.evidence));
+        let (best_name, margin) = (best.name(), margin(best.evidence));
         // What says no more with more numbers is no other explanation.
         let count = |candidate: &Candidate| candidate.fitted.model.coordinate_count();
         let (least, most) = (best.evidence - margin, count(best));
@@ -181,10 +179,10 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
                 refitted(problem, &once, &candidate.fitted.model, start)
             }
         };
-        let mut near = Near::of(near, &to_the_bottom, &model, rows[0]);
-        let best = near.class[0].0.clone();
+        let Near { mut class, model: bottom, told_apart } = Near::of(near, &to_the_bottom, &model, rows[0]);
+        let best = class[0].clone();
         let next = rest.first().or(refused.first());
-        let runner_up = near.told_apart.take().or(next.map(|next| RunnerUp {
+        let runner_up = told_apart.or(next.map(|next| RunnerUp {
             name: next.name(),
             behind: best.evidence - next.evidence,
             failed: next.failed.clone(),
@@ -193,10 +191,12 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
         let is_beyond = |one: &&Candidate| {
             one.is_doubtful() && !one.is_on_its_way_to(&best) && one.evidence > best.evidence + margin
         };
-        near.class.extend(refused.iter().filter(is_beyond).map(|one| (one.clone(), 1.0)));
-        let all: f64 = near.class.iter().map(|(_, weight)| weight).sum();
-        near.class.iter_mut().for_each(|(_, weight)| *weight /= all);
-        let Near { class, model: bottom, .. } = near;
+        class.extend(refused.iter().filter(is_beyond).cloned());
+        // Tempered: what is near a tie is to be told as one.
+        let weights: Vec<f64> =
+            class.iter().map(|one| (0.5 * (one.evidence - best.evidence).min(0.0) / margin).exp()).collect();
+        let all: f64 = weights.iter().sum();
+        let class = class.into_iter().zip(weights.iter().map(|weight| weight / all)).collect();
         model = bottom;
         blocks = Blocks::new(problem, &model.model);
         effects.push(NamedEffect { name: best.name(), class, runner_up });
@@ -235,45 +235,6 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
     }
     let [base_held, held] = [base_blocks, blocks].map(|blocks| blocks.cost());
     Named { clocks_behind_s, base, base_held, model, held, effects, refused, smallest, rows }
-}
-
-/// Candidates that explain nearly as much as the best, at their bottoms.
-struct Near {
-    /// The best first, each with its weight beside it.
-    class: Vec<(Candidate, f64)>,
-    /// The best.
-    model: Fitted,
-    /// The first that their bottoms tell from it.
-    told_apart: Option<RunnerUp>,
-}
-
-impl Near {
-    /// Fits each to the bottom: a coarse fit, and a search where noise is louder than it is, may not tell what rows do.
-    fn of(
-        near: Vec<Candidate>,
-        to_the_bottom: &(dyn Fn(&Candidate) -> Fitted + Sync),
-        without: &Fitted,
-        rows: usize,
-    ) -> Self {
-        let ends: Vec<Fitted> = near.par_iter().map(to_the_bottom).collect();
-        let mut ends: Vec<(Candidate, Fitted)> = near.into_iter().zip(ends).collect();
-        ends.sort_by(|a, b| a.1.total.total_cmp(&b.1.total));
-        let model = ends[0].1.clone();
-        let scale = scale(model.cost, rows);
-        let margin = NEAR.0.max(NEAR.1 * (without.total - model.total) / scale);
-        let behind = |end: &Fitted| (end.total - model.total) / scale;
-        let apart = ends.iter().position(|(_, end)| behind(end) > margin && end.cost > PLAIN * model.cost);
-        let told_apart = apart.map(|place| RunnerUp {
-            name: ends[place].0.name(),
-            behind: behind(&ends[place].1),
-            failed: Vec::new(),
-        });
-        ends.truncate(apart.unwrap_or(ends.len()));
-        // Tempered: what is near a tie is to be told as one.
-        let weighed =
-            |(candidate, end): (Candidate, Fitted)| (candidate, (-0.5 * behind(&end) / margin).exp());
-        Self { class: ends.into_iter().map(weighed).collect(), model, told_apart }
-    }
 }
 
 /// A search in which noise counts as louder than it is.
@@ -349,13 +310,6 @@ impl Without {
         let is_plain = does_not_show_where_judged(entry, &self.fitted, model, [&self.blocks, blocks], rows);
         fall > FALL && (is_worse || is_plain)
     }
-}
-
-fn is_alias(name: &str, other: &str) -> bool {
-    CATALOGUE.iter().any(|entry| {
-        (entry.name == name && entry.aliases.contains(&other))
-            || (entry.name == other && entry.aliases.contains(&name))
-    })
 }
 
 /// The most promising of a list, fitted to few rows beside the model that was fitted before, from the better of two

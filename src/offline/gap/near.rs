@@ -1,0 +1,67 @@
+//! What lies near the best explanation, and what of it the rows tell apart after all.
+//!
+//! Invariant: the best is the deepest, and effects that no data of this kind tell apart stay together.
+
+use rayon::prelude::*;
+
+use super::fit::Fitted;
+use super::gates::{Candidate, PLAIN};
+use super::name::RunnerUp;
+use super::refit::scale;
+use crate::plant::effects::CATALOGUE;
+
+/// Candidates whose evidence is nearer than this, or than this share, cannot be told apart.
+const NEAR: (f64, f64) = (20.0, 0.02);
+
+/// How far behind a candidate with this evidence others are not told from it.
+pub(super) fn margin(evidence: f64) -> f64 {
+    NEAR.0.max(NEAR.1 * evidence)
+}
+
+/// Whether no data of this kind tell one effect from another.
+pub(super) fn is_alias(name: &str, other: &str) -> bool {
+    CATALOGUE.iter().any(|entry| {
+        (entry.name == name && entry.aliases.contains(&other))
+            || (entry.name == other && entry.aliases.contains(&name))
+    })
+}
+
+/// Candidates that explain nearly as much as the best, at their bottoms.
+pub(super) struct Near {
+    /// The best first.
+    pub(super) class: Vec<Candidate>,
+    /// The best.
+    pub(super) model: Fitted,
+    /// The next that their bottoms tell from it.
+    pub(super) told_apart: Option<RunnerUp>,
+}
+
+impl Near {
+    /// Fits each to the bottom: a coarse fit, and a search where noise is louder than it is, may not tell what rows do.
+    pub(super) fn of(
+        near: Vec<Candidate>,
+        to_the_bottom: &(dyn Fn(&Candidate) -> Fitted + Sync),
+        without: &Fitted,
+        rows: usize,
+    ) -> Self {
+        let ends: Vec<Fitted> = near.par_iter().map(to_the_bottom).collect();
+        let mut ends: Vec<(Candidate, Fitted)> = near.into_iter().zip(ends).collect();
+        ends.sort_by(|a, b| a.1.total.total_cmp(&b.1.total));
+        let model = ends[0].1.clone();
+        let scale = scale(model.cost, rows);
+        let margin = margin((without.total - model.total) / scale);
+        let behind = |end: &Fitted| (end.total - model.total) / scale;
+        let best = ends[0].0.name();
+        // What no data tell apart ends elsewhere by chance.
+        let is_apart = |(candidate, end): &(Candidate, Fitted)| {
+            behind(end) > margin && end.cost > PLAIN * model.cost && !is_alias(best, candidate.name())
+        };
+        let (apart, ends): (Vec<_>, Vec<_>) = ends.into_iter().partition(is_apart);
+        let told_apart = apart.first().map(|(candidate, end)| RunnerUp {
+            name: candidate.name(),
+            behind: behind(end),
+            failed: Vec::new(),
+        });
+        Self { class: ends.into_iter().map(|(candidate, _)| candidate).collect(), model, told_apart }
+    }
+}
