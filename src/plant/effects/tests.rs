@@ -272,37 +272,6 @@ fn a_screw_winds_up_as_its_stiffness_says() {
 }
 
 #[test]
-fn an_axis_that_stands_wound_up_stays_where_it_is() {
-    let base = paper_axis();
-    let with = |axis: Parameters, name: &str| {
-        let entry = entry(name).expect("an effect");
-        axis.with_effect(entry, entry.nominal())
-    };
-    let held_by = |names: &[&str]| names.iter().fold(base, |axis, name| with(axis, name));
-    for names in [
-        &["soft-zone"][..],
-        &["soft-zone", "backlash"],
-        &["position-dependent-stiffness"],
-        &["presliding"],
-        &["presliding", "constant-force", "soft-zone"],
-    ] {
-        let axis = held_by(names);
-        for force_n in [-620.0, 25.0, 620.0] {
-            let mut plant = Plant::standing(&axis, TICK, Newtons::n(force_n), Position::m(0.1));
-            let begin = plant.state();
-            let current = axis.actuator.current(axis.mechanics.torque_for_force(Newtons::n(force_n)));
-            for _ in 0..400 {
-                plant.step(current);
-            }
-            let end = plant.state();
-            let went_um = (end.motor_position - begin.motor_position).as_um().abs()
-                + (end.table_position - begin.table_position).as_um().abs();
-            assert!(went_um < 2e-3, "{names:?} at {force_n} N: it went {went_um} um");
-        }
-    }
-}
-
-#[test]
 fn torques_swing_as_often_and_as_far_as_they_say() {
     // Two turns at 2 turns a second: slow enough for a stiff loop to answer in full.
     for (name, values, amplitude_a, periods) in [
