@@ -5,7 +5,7 @@
 //! ```
 //!
 //! The stiffness is `(1 - s) K` up to a deflection of `h`, and `K` beyond. A zone wider than screws bend is another
-//! stiffness and no zone, and one that is softer than a tenth is play.
+//! stiffness and no zone, and one that is softer than a seventh is play.
 //! Invariant: a function of the deflection alone, so conservative.
 
 use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
@@ -16,7 +16,7 @@ pub(super) const ENTRY: Entry = Entry {
     summary: "a screw that is softer under little force",
     equation: "F_screw = K (d - s clamp(d, -h, h)) + C d'",
     parameters: &[
-        Parameter::new("softness-percent", "%", [0.0, 90.0], 60.0, 30.0),
+        Parameter::new("softness-percent", "%", [0.0, 85.0], 60.0, 30.0),
         Parameter::new("half-width-um", "um", [0.1, 30.0], 2.0, 2.0),
     ],
     coordinate: Coordinate::ScrewForce,
