@@ -7,6 +7,7 @@
 //! Invariant: a case is a function of its plan, and what is judged reads no file that knows the truth.
 
 use std::fs;
+use std::ops::Range;
 use std::path::Path;
 
 use anyhow::{Context, Result};
@@ -15,12 +16,13 @@ use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
+use crate::controller::PERIOD;
 use crate::effect::{Effect, features_of};
 use crate::features::Features;
 use crate::machine::{Machine, Random, random};
 use crate::machine_file;
-use crate::path::Motion;
-use crate::plan::{Plan, Role, Severity};
+use crate::path::{Motion, Run};
+use crate::plan::{Form, Plan, Role, Severity};
 use crate::plant::Plant;
 use crate::rig::{Bump, Row, STEPS};
 use crate::session::Session;
@@ -29,6 +31,8 @@ use crate::trace;
 
 /// Simulations until a severity is met or given up.
 const TRIALS: usize = 7;
+/// Rest that is recorded before and after a run of a session in one go, s.
+const STILL: f64 = 0.4;
 
 /// An effect as the truth tells it.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -56,6 +60,9 @@ pub struct Truth {
     pub effects: Vec<TrueEffect>,
     /// How strong each is meant to be.
     pub severity: Option<Severity>,
+    /// How its runs are delivered.
+    #[serde(default = "apart")]
+    pub form: Form,
     /// How strong all together are.
     pub d_prime: f64,
     /// Of the case and of its machine.
@@ -124,13 +131,13 @@ impl Bench {
             1 => each[0],
             _ => self.severity(features, &visible),
         };
-        let rows = self.run(plan, &nuisance, features);
-        if !severity::is_sane(&rows) {
+        let files = self.run(plan, &nuisance, features);
+        if files.iter().any(|file| !severity::is_sane(&file.rows)) {
             // Its loops do not bear the effect together with the noise.
             return Ok(None);
         }
         let case = folder.join(&plan.id);
-        self.write(plan, &nuisance, &rows, &case)?;
+        self.write(plan, &nuisance, &files, &case)?;
         let effects = effects.iter().zip(&each).map(|(effect, d_prime)| TrueEffect {
             axis: ["x", "y"][effect.axis].to_owned(),
             name: effect.name().to_owned(),
@@ -144,6 +151,7 @@ impl Bench {
             verdicts: verdicts(plan.role).iter().map(|verdict| (*verdict).to_owned()).collect(),
             effects: effects.collect(),
             severity: plan.severity,
+            form: plan.form,
             d_prime: together,
             seeds: [plan.seed, plan.machine],
             has_table: nuisance.has_table,
@@ -198,12 +206,12 @@ impl Bench {
         None
     }
 
-    /// The session as it is measured.
-    fn run(&self, plan: &Plan, nuisance: &Nuisance, mut features: [Features; 2]) -> Vec<Vec<Row>> {
+    /// The session as it is measured, file by file.
+    fn run(&self, plan: &Plan, nuisance: &Nuisance, mut features: [Features; 2]) -> Vec<Recording> {
         for own in &mut features {
             own.reading.current_gain = nuisance.current_gain.unwrap_or(0.0);
         }
-        let session = Session {
+        let mut session = Session {
             machine: &self.machine,
             told: nuisance.told,
             features,
@@ -212,33 +220,67 @@ impl Bench {
             bump: nuisance.bump,
             drift: nuisance.drift,
         };
-        session.run()
+        let is_absent = |run: &Run| nuisance.absent == Some(kind_of(&run.motion, run.is_held_out));
+        let named = |run: &Run| run.name.clone();
+        if plan.form == Form::Apart {
+            let runs = self.machine.runs.iter().zip(Session::starts(&self.machine)).zip(session.run());
+            return runs
+                .filter(|((run, _), _)| !is_absent(run))
+                .map(|((run, start), rows)| Recording { name: named(run), start, rows })
+                .collect();
+        }
+        // What is absent was never driven.
+        let mut machine = self.machine.clone();
+        machine.runs.retain(|run| !is_absent(run));
+        let place = |run: usize| machine.runs.iter().position(|other| *other == self.machine.runs[run]);
+        session.bump = nuisance.bump.and_then(|(run, bump)| Some((place(run)?, bump)));
+        session.machine = &machine;
+        let (rows, spans) = session.in_one_go();
+        if plan.form == Form::OneFile {
+            return vec![Recording { name: "session".to_owned(), start: 0.0, rows }];
+        }
+        let still = (STILL / PERIOD) as usize;
+        let cut = |(run, span): (&Run, Range<usize>)| {
+            let (from, to) = (span.start - still, span.end + still);
+            let start = if plan.form == Form::AtZero { 0.0 } else { from as f64 * PERIOD };
+            Recording { name: named(run), start, rows: rows[from..to].to_vec() }
+        };
+        machine.runs.iter().zip(spans).map(cut).collect()
     }
 
     /// The files of a case: its runs and its machine file.
-    fn write(&self, plan: &Plan, nuisance: &Nuisance, rows: &[Vec<Row>], case: &Path) -> Result<()> {
+    fn write(&self, plan: &Plan, nuisance: &Nuisance, files: &[Recording], case: &Path) -> Result<()> {
         fs::create_dir_all(case).with_context(|| format!("cannot make {}", case.display()))?;
         let mut source = random(plan.seed, 8);
-        for (number, (run, start)) in self.machine.runs.iter().zip(Session::starts(&self.machine)).enumerate()
-        {
-            if nuisance.absent == Some(kind_of(&run.motion, run.is_held_out)) {
-                continue;
-            }
-            let rows = &rows[number];
+        for Recording { name, start, rows } in files {
             let stamps: Vec<f64> = (0..rows.len())
                 .map(|_| {
                     let late: f64 = StandardNormal.sample(&mut source);
                     nuisance.stamp_jitter * late.clamp(-3.0, 3.0)
                 })
                 .collect();
-            let path = case.join(format!("{}.csv", run.name));
-            trace::write(&path, rows, start, |n| stamps[n], nuisance.has_table)
+            let path = case.join(format!("{name}.csv"));
+            trace::write(&path, rows, *start, |n| stamps[n], nuisance.has_table)
                 .with_context(|| format!("cannot write {}", path.display()))?;
         }
         let text = machine_file::text(&self.machine, &nuisance.told, nuisance.has_table);
         fs::write(case.join("machine.toml"), text)?;
         Ok(())
     }
+}
+
+/// What becomes a file of data.
+struct Recording {
+    /// Its name, without its end.
+    name: String,
+    /// What its clock says at its first row, s.
+    start: f64,
+    rows: Vec<Row>,
+}
+
+/// Cases were made before there were other forms.
+fn apart() -> Form {
+    Form::Apart
 }
 
 /// What may be said of a case of this role.
@@ -300,7 +342,7 @@ impl Nuisance {
     }
 
     fn visible(&self, machine: &Machine) -> Visible {
-        let is_there = |run: &crate::path::Run| self.absent != Some(kind_of(&run.motion, run.is_held_out));
+        let is_there = |run: &Run| self.absent != Some(kind_of(&run.motion, run.is_held_out));
         Visible { has_table: self.has_table, runs: machine.runs.iter().map(is_there).collect() }
     }
 }

@@ -113,6 +113,22 @@ fn circle(radius: f64, feed: f64, is_ccw: bool, laps: u32) -> Vec<[Setpoint; 2]>
     points.collect()
 }
 
+/// Each axis from a place to another, as soon as it can be there.
+pub fn straight(from: [f64; 2], to: [f64; 2], [acceleration, speed]: [f64; 2]) -> Vec<[Setpoint; 2]> {
+    let ways: [Vec<Setpoint>; 2] = std::array::from_fn(|axis| {
+        let (way, turn) = ((to[axis] - from[axis]).abs(), (to[axis] - from[axis]).signum());
+        if way == 0.0 {
+            return Vec::new();
+        }
+        let place = |at: Setpoint| Setpoint { place: from[axis] + turn * at.place, speed: turn * at.speed };
+        trapezoid(way, acceleration, speed).into_iter().map(place).collect()
+    });
+    let at = |axis: usize, n: usize| {
+        ways[axis].get(n).copied().unwrap_or(Setpoint { place: to[axis], speed: 0.0 })
+    };
+    (0..ways[0].len().max(ways[1].len())).map(|n| [at(0, n), at(1, n)]).collect()
+}
+
 /// The legs of both axes, one axis after its own list, each padded with rest to the length of the other.
 fn both<T>(first: &[T], second: &[T], laps: u32, leg: impl Fn(&T) -> Vec<Setpoint>) -> Vec<[Setpoint; 2]> {
     let mut lap = Vec::new();

@@ -71,6 +71,27 @@ pub enum Role {
     Decoy,
 }
 
+/// How runs are recorded and delivered.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum Form {
+    /// A file each, from a machine that was just switched on, on one clock.
+    Apart,
+    /// A file each from a session in one go, with a rest at either end: no axis begins without being wound up.
+    Rests,
+    /// The same, and the time of each file begins at zero.
+    AtZero,
+    /// One file with all of them and the ways between them.
+    OneFile,
+}
+
+impl Form {
+    /// One of these drawn; apart where there are none.
+    fn drawn(of: &[Self], seed: u64) -> Self {
+        if of.is_empty() { Self::Apart } else { of[random(seed, 9).random_range(0..of.len())] }
+    }
+}
+
 /// A case that is to be made.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
@@ -86,6 +107,8 @@ pub struct Plan {
     pub what: Vec<What>,
     /// How strong each of them is.
     pub severity: Option<Severity>,
+    /// How its runs are delivered.
+    pub form: Form,
 }
 
 /// What is wanted.
@@ -118,6 +141,9 @@ pub struct Choice {
     /// How many cases that only look as if something were missing
     #[arg(long, default_value_t = 30)]
     pub decoys: u64,
+    /// How runs are recorded and delivered; of several one is drawn for each case
+    #[arg(long, value_enum, value_delimiter = ',', default_value = "apart")]
+    pub form: Vec<Form>,
     /// A fixed part of them, as 1/5
     #[arg(long, default_value = "1/1", value_parser = one_in)]
     pub share: u64,
@@ -195,7 +221,13 @@ fn plan(
     let seed = id
         .bytes()
         .fold(choice.seed, |seed, byte| (seed ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3));
-    Plan { id, seed, machine, role, what, severity }
+    let grows = |what: &What| matches!(what, What::Named(Kind::FrictionWarmUp | Kind::ThermalGrowth));
+    let form = match Form::drawn(&choice.form, seed) {
+        // Without a clock in common nobody sees what grows.
+        Form::AtZero if what.iter().any(grows) => Form::Rests,
+        drawn => drawn,
+    };
+    Plan { id, seed, machine, role, what, severity, form }
 }
 
 fn is_wanted(plan: &Plan, choice: &Choice) -> bool {

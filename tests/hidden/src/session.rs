@@ -1,14 +1,21 @@
-//! All runs of a machine one after the other, as somebody would take them in a quarter of an hour less the pauses.
-//! Invariant: the seed of the noise is another one in each run, and the clock of the session goes on.
+//! All runs of a machine one after the other, as somebody would take them in a quarter of an hour less the pauses: each
+//! recorded from a machine that was just switched on, or all in one go, with ways to the next start between them.
+//! Invariant: the clock of the session goes on, and what is recorded apart has noise of its own.
 
-use crate::controller::PERIOD;
+use std::ops::Range;
+
+use crate::controller::{PERIOD, Setpoint};
 use crate::features::Features;
 use crate::machine::Machine;
+use crate::path;
 use crate::plant::Plant;
 use crate::rig::{self, Bump, Conditions, Row};
 
-/// Between two runs, s.
+/// Between two runs that are recorded apart, s.
 const PAUSE: f64 = 5.0;
+/// Rest before and after each run of a session in one go, s, and how fast the machine goes to the next: m/s^2, m/s.
+const REST: f64 = 0.8;
+const APPROACH: [f64; 2] = [0.5, 0.05];
 
 /// What a session is made with.
 #[derive(Clone, Debug)]
@@ -55,7 +62,40 @@ impl<'a> Session<'a> {
         all
     }
 
-    /// When each run begins, s.
+    /// All rows of a session in one go, and which of them are those of each run: only the first begins without being
+    /// wound up.
+    pub fn in_one_go(&self) -> (Vec<Row>, Vec<Range<usize>>) {
+        let rest = (REST / PERIOD) as usize;
+        let mut setpoints: Vec<[Setpoint; 2]> = Vec::new();
+        let mut spans = Vec::new();
+        for run in &self.machine.runs {
+            let own = run.setpoints();
+            let first = own[0].map(|at| at.place);
+            if let Some(last) = setpoints.last() {
+                setpoints.extend(path::straight(last.map(|at| at.place), first, APPROACH));
+            }
+            setpoints.extend(std::iter::repeat_n(first.map(at_rest), rest));
+            let from = setpoints.len();
+            setpoints.extend(&own);
+            spans.push(from..setpoints.len());
+            let last = own[own.len() - 1].map(|at| at_rest(at.place));
+            setpoints.extend(std::iter::repeat_n(last, rest));
+        }
+        let in_session = |(run, bump): (usize, Bump)| {
+            let from = spans[run].start as f64 * PERIOD;
+            Bump { span: bump.span.map(|at| from + at), ..bump }
+        };
+        let conditions = Conditions {
+            noise: self.noise,
+            start: 0.0,
+            steps: self.steps,
+            bump: self.bump.map(in_session),
+            drift: self.drift,
+        };
+        (rig::run(self.machine, &self.told, &self.features, &setpoints, &conditions), spans)
+    }
+
+    /// When each run that is recorded apart begins, s.
     pub fn starts(machine: &Machine) -> Vec<f64> {
         let mut start = 0.0;
         let begin = |run: &crate::path::Run| {
@@ -65,4 +105,8 @@ impl<'a> Session<'a> {
         };
         machine.runs.iter().map(begin).collect()
     }
+}
+
+fn at_rest(place: f64) -> Setpoint {
+    Setpoint { place, speed: 0.0 }
 }

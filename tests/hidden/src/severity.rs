@@ -97,8 +97,8 @@ fn dot(a: &[f32], b: &[f32]) -> f64 {
 }
 
 /// Whether a machine stayed where machines are; its loops may not bear an effect.
-pub fn is_sane(rows: &[Vec<Row>]) -> bool {
-    rows.iter().flatten().flatten().all(|reading| reading.position.abs() < 1.0)
+pub fn is_sane(rows: &[Row]) -> bool {
+    rows.iter().flatten().all(|reading| reading.position.abs() < 1.0)
 }
 
 impl Yardstick {
@@ -156,7 +156,7 @@ impl Yardstick {
 
     /// `d'` of a session without noise.
     pub fn severity(&self, rows: &[Vec<Row>], visible: &Visible) -> f64 {
-        if !is_sane(rows) {
+        if !rows.iter().all(|rows| is_sane(rows)) {
             return f64::INFINITY;
         }
         let signals = self.whitened(rows);

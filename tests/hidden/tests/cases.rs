@@ -7,7 +7,7 @@ use hidden::case::Bench;
 use hidden::effect::{Effect, Kind, Shape, What, features_of};
 use hidden::machine::Machine;
 use hidden::path::Motion;
-use hidden::plan::{Choice, Plan, Role, Severity, list};
+use hidden::plan::{Choice, Form, Plan, Role, Severity, list};
 use hidden::session::Session;
 use hidden::severity::{STEPS, Visible, Yardstick};
 
@@ -66,17 +66,15 @@ fn files(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
         .collect()
 }
 
+fn plan(role: Role, what: Vec<What>, form: Form) -> Plan {
+    let severity = (role == Role::Single).then_some(Severity::Medium);
+    Plan { id: "made".to_owned(), seed: 7, machine: 6, role, what, severity, form }
+}
+
 #[test]
 fn a_case_meets_its_severity_and_is_the_same_again() {
     let bench = Bench::of(machine());
-    let plan = Plan {
-        id: "made".to_owned(),
-        seed: 7,
-        machine: 6,
-        role: Role::Single,
-        what: vec![What::Named(Kind::Backlash)],
-        severity: Some(Severity::Medium),
-    };
+    let plan = plan(Role::Single, vec![What::Named(Kind::Backlash)], Form::Apart);
     let folder = std::env::temp_dir().join(format!("hidden-cases-{}", std::process::id()));
     let [first, second] = ["first", "second"].map(|name| {
         let folder = folder.join(name);
@@ -100,6 +98,61 @@ fn a_case_meets_its_severity_and_is_the_same_again() {
     assert_eq!(head.split(',').count(), first_row.split(',').count());
 }
 
+/// Files of a case without an effect, by name: their numbers, row by row.
+fn delivered(form: Form) -> Vec<(String, Vec<Vec<f64>>)> {
+    let folder = std::env::temp_dir().join(format!("hidden-forms-{form:?}-{}", std::process::id()));
+    let made = Bench::of(machine()).make(&plan(Role::Null, Vec::new(), form), &folder);
+    made.expect("files are written").expect("there is nothing to be seen");
+    let numbers = |bytes: Vec<u8>| -> Vec<Vec<f64>> {
+        let text = String::from_utf8(bytes).expect("text");
+        text.lines()
+            .skip(1)
+            .map(|line| line.split(',').map(|value| value.parse().expect("a number")).collect())
+            .collect()
+    };
+    let runs = files(&folder.join("made"))
+        .into_iter()
+        .filter(|(path, _)| path.extension().is_some_and(|end| end == "csv"));
+    let runs = runs.map(|(path, bytes)| (path.display().to_string(), numbers(bytes))).collect();
+    fs::remove_dir_all(&folder).expect("the folder goes away");
+    runs
+}
+
+#[test]
+fn forms_are_the_same_motions_with_other_starts_ends_and_clocks() {
+    const STILL: usize = 800;
+    let setpoints = |rows: &[Vec<f64>]| -> Vec<f64> { rows.iter().map(|row| row[1]).collect() };
+    let [apart, rests, at_zero, one_file] =
+        [Form::Apart, Form::Rests, Form::AtZero, Form::OneFile].map(delivered);
+    assert_eq!(one_file.len(), 1);
+    let session = &one_file[0].1;
+    for (n, (name, rows)) in apart.iter().enumerate() {
+        let motion = setpoints(rows);
+        for form in [&rests, &at_zero] {
+            assert_eq!(form[n].0, *name);
+            let whole = setpoints(&form[n].1);
+            let within = &whole[STILL..whole.len() - STILL];
+            assert!(within == motion, "{name} is another motion");
+            assert!(whole[..STILL].iter().all(|at| *at == motion[0]), "{name} does not begin at rest");
+        }
+        assert!(at_zero[n].1[0][0].abs() < 1e-4, "{name} begins at {} s", at_zero[n].1[0][0]);
+        let begin = rests[n].1[0][0];
+        let in_session = (begin / 5e-4).round() as usize;
+        let rows_of = |rows: &[Vec<f64>]| rows.iter().map(|row| row[1..].to_vec()).collect::<Vec<_>>();
+        assert!(
+            rows_of(&session[in_session..in_session + rests[n].1.len()]) == rows_of(&rests[n].1),
+            "{name} is not in the session at {begin} s"
+        );
+    }
+    // Just switched on it leans on nothing; in one go friction holds it where the last way ended.
+    let current = |form: &[(String, Vec<Vec<f64>>)]| {
+        let rows = &form[1].1;
+        let at = rows[0].len() - 1;
+        (rows[..8].iter().map(|row| row[at]).sum::<f64>() / 8.0).abs()
+    };
+    assert!(current(&rests) > 10.0 * current(&apart), "{} A of {} A", current(&rests), current(&apart));
+}
+
 #[test]
 fn a_share_has_every_name_and_every_severity_in_it() {
     let choice = |share| Choice {
@@ -112,6 +165,7 @@ fn a_share_has_every_name_and_every_severity_in_it() {
         pairs: 60,
         unknown: 48,
         decoys: 30,
+        form: Vec::new(),
         share,
     };
     let (all, fifth) = (list(&choice(1)), list(&choice(5)));
