@@ -128,6 +128,12 @@ impl Parameter {
         self.is_amplitude = true;
         self
     }
+
+    /// Whether it says how large or how long something is, and not where it is or how often it comes, which is known by
+    /// counting.
+    pub fn is_size(&self) -> bool {
+        self.swings_over.is_none() && !["deg", "mm"].contains(&self.unit)
+    }
 }
 
 /// What an effect depends on: the coordinate over which what it leaves unexplained has a shape.

@@ -267,7 +267,8 @@ impl Kind {
                 train.swing_mass = size * 0.1 * plant.mass;
                 train.swing_hz = shape.between(0, 15.0, 90.0);
                 train.swing_damping = shape.between(1, 0.01, 0.05);
-                keys.add("mass-percent", size * 10.0);
+                // Of all that moves.
+                keys.add("mass-percent", 100.0 * train.swing_mass / (plant.mass + train.swing_mass));
                 keys.add("frequency-hz", train.swing_hz);
                 keys.add("damping-percent", train.swing_damping * 100.0);
             }
@@ -350,7 +351,8 @@ impl Kind {
             }
             Self::CommandFilter => {
                 loops.mean_time = size * 10e-3;
-                keys.add("time-ms", loops.mean_time * 1e3);
+                // Of the first-order filter that is late by as much.
+                keys.add("time-ms", 0.5 * loops.mean_time * 1e3);
                 keys.choose("form", "mean");
             }
             _ => {
