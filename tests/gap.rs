@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use quadrant::base::axis::AxisId;
 use quadrant::config::edit::MachineFile;
 use quadrant::config::{self, Machine};
-use quadrant::offline::gap::analysis::{Analysis, GapError, Request, analyse, problem_of};
+use quadrant::offline::gap::analysis::{Analysis, GapError, Request, analyse, by_the_current, problem_of};
 use quadrant::offline::gap::fit::{Effort, fit};
 use quadrant::offline::gap::forward::Course;
 use quadrant::offline::gap::judged::judged;
@@ -94,7 +94,7 @@ fn runs(machine: &Machine, effect: Option<(&str, f64)>) -> Vec<Run> {
 }
 
 fn analysed<'m>(machine: &'m Machine, runs: &[Run]) -> Analysis<'m> {
-    let request = Request { gains: "standard".to_owned(), axes: Vec::new() };
+    let request = Request { gains: Some("standard".to_owned()), axes: Vec::new() };
     analyse(machine, runs, &request, &|_| ()).expect("an analysis")
 }
 
@@ -327,8 +327,21 @@ fn a_machine_that_lacks_nothing_gets_its_parameters_right_and_no_name() {
 #[test]
 fn runs_with_other_gains_are_refused_by_name() {
     let machine = config::load("paper").expect("a machine");
-    let request = Request { gains: "optimal".to_owned(), axes: Vec::new() };
+    let request = Request { gains: Some("optimal".to_owned()), axes: Vec::new() };
     let refused = analyse(&machine, &runs(&machine, None), &request, &|_| ()).err().expect("a refusal");
     let GapError::OtherGains { asked, found, .. } = &refused else { panic!("{refused}") };
     assert_eq!((asked.as_str(), found.as_str()), ("optimal", "standard"));
+}
+
+#[test]
+fn gains_that_nobody_names_are_those_of_the_current() {
+    let machine = config::load("paper").expect("a machine");
+    let runs = runs(&machine, None);
+    assert_eq!(by_the_current(&machine, &runs, AxisId::X), 0);
+    let mut turned = machine.clone();
+    turned.axes[AxisId::X].control.gain_sets.swap(0, 1);
+    assert_eq!(by_the_current(&turned, &runs, AxisId::X), 1);
+    // What says no more is no reason for another one than the first.
+    turned.axes[AxisId::X].control.gain_sets[0] = turned.axes[AxisId::X].control.gain_sets[1];
+    assert_eq!(by_the_current(&turned, &runs, AxisId::X), 0);
 }

@@ -65,7 +65,7 @@ fn a_log_is_what_its_machine_makes_of_the_command() {
 fn the_circles_of_a_log_are_judged_as_measured_and_as_simulated() {
     let machine = config::load("paper").expect("a machine");
     let intake = logged::of_trace("log", &logged(&machine), &machine).expect("runs");
-    let request = Request { gains: "standard".to_owned(), axes: Vec::new() };
+    let request = Request { gains: Some("standard".to_owned()), axes: Vec::new() };
     let analysis = analyse(&machine, &intake.runs, &request, &|_| ()).expect("an analysis");
     let [circle] = analysis.contours.as_slice() else { panic!("{} circles", analysis.contours.len()) };
     let (measured, [before, _]) = (&circle.measured, &circle.simulated);

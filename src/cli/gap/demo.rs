@@ -78,7 +78,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         }
         intake.extend(read(&log, None, &machine)?);
     }
-    let request = Request { gains: arguments.gains.clone(), axes: vec![hidden.axis] };
+    let request = Request { gains: Some(arguments.gains.clone()), axes: vec![hidden.axis] };
     let gap = Gap::of(&machine, intake, &request)?;
     gap.tell(Some(&folder), arguments.json)?;
     let (effect, first) = (hidden.entry, &hidden.entry.parameters[0]);

@@ -45,9 +45,9 @@ pub(super) struct Arguments {
     /// paper]
     #[arg(long, value_name = "FILE|NAME")]
     machine: Option<String>,
-    /// Gain set of the runs
-    #[arg(long, default_value = "standard", value_name = "NAME")]
-    gains: String,
+    /// Gain set of the runs [default: the one whose loops explain the current]
+    #[arg(long, value_name = "NAME")]
+    gains: Option<String>,
     /// What the columns of the CSV files are, where they are named otherwise
     #[arg(long, value_name = "MAP.toml")]
     columns: Option<PathBuf>,

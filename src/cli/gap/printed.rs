@@ -36,6 +36,8 @@ pub(super) struct Printed {
     /// The page, where one was asked for.
     pub(super) report: Option<PathBuf>,
     axes: BTreeMap<String, Axis>,
+    /// Gain set of the runs.
+    gains: String,
     repaired: Vec<String>,
     seconds: f64,
 }
@@ -221,6 +223,7 @@ impl Printed {
             machine_after,
             report: None,
             axes: axes.collect(),
+            gains: analysis.gains.clone(),
             repaired,
             seconds: analysis.seconds,
         }
@@ -233,7 +236,7 @@ impl Printed {
     }
 
     pub(super) fn text(&self) -> String {
-        let mut text = String::new();
+        let mut text = format!("runs under gain set \"{}\"\n", self.gains);
         for (name, axis) in &self.axes {
             let _ = writeln!(text, "axis {name}: {}", axis.verdict);
             let mut table = table(&["rms", "unit", "as filed", "base fitted", "with effects", "noise"]);

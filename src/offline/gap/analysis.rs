@@ -62,8 +62,8 @@ pub enum GapError {
 /// What is asked.
 #[derive(Clone, Debug)]
 pub struct Request {
-    /// Gain set of the runs.
-    pub gains: String,
+    /// Gain set of the runs; that whose loops explain the current where it is not known.
+    pub gains: Option<String>,
     /// Axes to look at; all that the runs have if empty.
     pub axes: Vec<AxisId>,
 }
@@ -92,6 +92,8 @@ pub struct AxisGap<'m> {
 
 /// Everything that was found.
 pub struct Analysis<'m> {
+    /// Gain set of the runs.
+    pub gains: String,
     /// The repeats that tell the noise.
     pub repeats: Vec<Repeat>,
     /// The axes.
@@ -113,9 +115,6 @@ pub fn analyse<'m>(
     progress: &(dyn Fn(&str) + Sync),
 ) -> Result<Analysis<'m>, GapError> {
     let began = Instant::now();
-    let gain_set = machine.gain_sets.iter().position(|name| *name == request.gains).ok_or_else(|| {
-        GapError::NoGains { name: request.gains.clone(), known: machine.gain_sets.join(", ") }
-    })? as u8;
     progress("looking for repeats");
     let repeats = repeats(runs);
     let ids: Vec<AxisId> = machine
@@ -124,13 +123,21 @@ pub fn analyse<'m>(
         .filter(|id| request.axes.is_empty() || request.axes.contains(id))
         .filter(|id| runs.iter().any(|run| run.axes.contains_key(id)))
         .collect();
+    let gain_set =
+        match &request.gains {
+            Some(name) => machine.gain_sets.iter().position(|known| known == name).ok_or_else(|| {
+                GapError::NoGains { name: name.clone(), known: machine.gain_sets.join(", ") }
+            })? as u8,
+            None => ids.first().map_or(0, |id| by_the_current(machine, runs, *id)),
+        };
     let mut axes = Vec::new();
     for id in ids {
         axes.push(axis(machine, runs, &repeats, id, gain_set, progress)?);
     }
     progress("circles, before and after");
     let contours = contours(runs, &axes);
-    Ok(Analysis { repeats, axes, contours, seconds: began.elapsed().as_secs_f64() })
+    let gains = machine.gain_sets[usize::from(gain_set)].clone();
+    Ok(Analysis { gains, repeats, axes, contours, seconds: began.elapsed().as_secs_f64() })
 }
 
 fn axis<'m>(
@@ -197,6 +204,23 @@ pub fn problem_of<'m>(
     Problem::new(machine, id, gain_set, data, noises)
 }
 
+/// The gain set whose loops explain the current of an axis; the first where that of others says no more.
+pub fn by_the_current(machine: &Machine, runs: &[Run], id: AxisId) -> u8 {
+    let all: Vec<Vec<Match>> = runs.iter().map(|run| controller::matches(machine, id, run)).collect();
+    let sets = 0..machine.gain_sets.len() as u8;
+    let best = sets.min_by(|a, b| left_of(&all, *a).total_cmp(&left_of(&all, *b))).unwrap_or_default();
+    if left_of(&all, best) < OTHER_GAINS * left_of(&all, 0) { best } else { 0 }
+}
+
+/// What the loops of a gain set leave of the current of a run, as a share of it, on average.
+fn left_of(all: &[Vec<Match>], set: u8) -> f64 {
+    let of = |matches: &Vec<Match>| {
+        matches.iter().find(|found| found.gain_set == set).map(|found| found.left_share)
+    };
+    let count = all.iter().filter(|matches| !matches.is_empty()).count().max(1) as f64;
+    all.iter().filter_map(of).sum::<f64>() / count
+}
+
 /// How well the loops explain the current, and in which row of each run the position loop acts first.
 fn loops(
     machine: &Machine,
@@ -208,16 +232,9 @@ fn loops(
     let all: Vec<Vec<Match>> = runs.iter().map(|run| controller::matches(machine, id, run)).collect();
     let own = |matches: &[Match]| matches.iter().find(|found| found.gain_set == gain_set).copied();
     let phases = all.iter().map(|matches| own(matches).map_or(0, |found| found.phase)).collect();
-    let sum = |set: u8| -> f64 {
-        let of = |matches: &Vec<Match>| {
-            matches.iter().find(|found| found.gain_set == set).map(|found| found.left_share)
-        };
-        all.iter().filter_map(of).sum::<f64>()
-    };
-    let count = all.iter().filter(|matches| !matches.is_empty()).count().max(1) as f64;
-    let left = sum(gain_set) / count;
+    let left = left_of(&all, gain_set);
     for other in (0..machine.gain_sets.len() as u8).filter(|other| *other != gain_set) {
-        let other_left = sum(other) / count;
+        let other_left = left_of(&all, other);
         if other_left < OTHER_GAINS * left && other_left < 0.1 {
             return Err(GapError::OtherGains {
                 axis: axis.to_owned(),

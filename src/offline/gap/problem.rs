@@ -233,6 +233,21 @@ impl<'m> Problem<'m> {
         self.noises.iter().enumerate().filter_map(of).collect()
     }
 
+    /// Noise of a signal on the rows of a part, rms in its unit: on all rows, or where that part is louder as much more.
+    pub fn floor(&self, signal: usize, part: Part) -> Option<f64> {
+        let power = |counts: &dyn Fn(&AxisData, usize) -> bool| {
+            let all = self.data.iter().flat_map(|data| {
+                let loud = data.loudness[signal].iter().enumerate();
+                loud.filter(move |(row, _)| counts(data, *row)).map(|(_, loud)| loud * loud)
+            });
+            let (sum, rows) = all.fold((0.0, 0usize), |(sum, rows), loud| (sum + loud, rows + 1));
+            if rows > 0 { sum / rows as f64 } else { 1.0 }
+        };
+        let own = power(&|data, row| data.rows(part)[row]);
+        let all = power(&|data, row| data.fit[row] || data.held[row]);
+        Some(self.noises[signal].as_ref()?.rms * (own / all).max(1.0).sqrt())
+    }
+
     /// The runs that have rows of a part.
     pub fn places(&self, part: Part) -> Vec<usize> {
         (0..self.data.len()).filter(|place| self.data[*place].has(part)).collect()

@@ -8,7 +8,6 @@ use std::fmt;
 use serde::Serialize;
 
 use super::fit::Fitted;
-use super::floor::Noise;
 use super::foretold::foretold;
 use super::forward::Signals;
 use super::gates::Candidate;
@@ -110,8 +109,8 @@ pub(super) fn gaps(problem: &Problem<'_>, file: &Model, named: &Named) -> Vec<Si
         std::array::from_fn(|signal| (sums[signal] / counts[signal].max(1) as f64).sqrt())
     };
     let [file, before, after] = [file, &named.base.model, &named.model.model].map(rms);
-    let of = |(signal, noise): (usize, &Option<Noise>)| {
-        let noise = noise.as_ref()?;
+    let of = |signal: usize| {
+        let floor = problem.floor(signal, Part::Held)?;
         let (name, factor, unit) = shown(signal);
         Some(SignalGap {
             signal: name,
@@ -119,10 +118,10 @@ pub(super) fn gaps(problem: &Problem<'_>, file: &Model, named: &Named) -> Vec<Si
             file: factor * file[signal],
             before: factor * before[signal],
             after: factor * after[signal],
-            floor: factor * noise.rms,
+            floor: factor * floor,
         })
     };
-    problem.noises.iter().enumerate().filter_map(of).collect()
+    (0..SIGNALS.len()).filter_map(of).collect()
 }
 
 /// Noise costs one per row: an rms also counts what is slow, which passes do not repeat.
@@ -162,15 +161,17 @@ fn leaves_much(blocks: &[[f64; 2]]) -> bool {
 /// shows most.
 fn blocks_of_power(problem: &Problem<'_>, models: [&Model; 2]) -> Vec<[f64; 2]> {
     let length = (BLOCK_S / problem.machine.cycle.period.as_s()) as usize;
+    let floors: [Option<f64>; SIGNALS.len()] =
+        std::array::from_fn(|signal| problem.floor(signal, Part::Held));
     let mut blocks = Vec::new();
     for place in problem.places(Part::Held) {
         let rows = problem.data[place].rows(Part::Held);
         let simulated = models.map(|model| problem.simulated(place, model));
         let left: Vec<[Vec<f64>; 2]> = SIGNALS
             .iter()
-            .zip(&problem.noises)
-            .filter_map(|((.., pick), noise)| {
-                let floor = noise.as_ref()?.rms;
+            .zip(&floors)
+            .filter_map(|((.., pick), floor)| {
+                let floor = (*floor)?;
                 let of = |simulated: &Signals| -> Vec<f64> {
                     let left = problem.left(place, simulated, *pick, Part::Held);
                     left.iter().map(|value| (value / floor).powi(2)).collect()
