@@ -16,6 +16,7 @@ use quadrant::offline::gap::fit::{Effort, fit};
 use quadrant::offline::gap::forward::Course;
 use quadrant::offline::gap::judged::judged;
 use quadrant::offline::gap::model::{Model, Tried};
+use quadrant::offline::gap::problem::Part;
 use quadrant::offline::gap::repeats::repeats;
 use quadrant::offline::gap::runs::{AxisRun, Run};
 use quadrant::offline::gap::verdict::Verdict;
@@ -344,4 +345,23 @@ fn gains_that_nobody_names_are_those_of_the_current() {
     // What says no more is no reason for another one than the first.
     turned.axes[AxisId::X].control.gain_sets[0] = turned.axes[AxisId::X].control.gain_sets[1];
     assert_eq!(by_the_current(&turned, &runs, AxisId::X), 0);
+}
+
+#[test]
+fn rows_that_judge_are_held_to_their_own_noise() {
+    const LOUDER: f64 = 3.0;
+    let machine = config::load("paper").expect("a machine");
+    let floor = |louder: f64| {
+        let mut runs = runs(&machine, None);
+        let mut random = Pcg64Mcg::seed_from_u64(9);
+        let noise = Normal::new(0.0, NOISE_A * (louder * louder - 1.0).sqrt()).expect("a width");
+        let held = runs[2].axes.get_mut(&AxisId::X).expect("an axis");
+        held.current_a.iter_mut().for_each(|current_a| *current_a += noise.sample(&mut random));
+        let problem = problem_of(&machine, &runs, &repeats(&runs), AxisId::X, 0, &[0; 3]);
+        problem.floor(2, Part::Held).expect("the noise of the current")
+    };
+    for louder in [1.0, LOUDER] {
+        let found = floor(louder) / (louder * NOISE_A);
+        assert!((found - 1.0).abs() < 0.15, "{found} of a noise {louder} times as loud");
+    }
 }

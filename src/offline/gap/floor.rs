@@ -34,8 +34,10 @@ pub struct Noise {
     pub is_from_repeats: bool,
     /// Whitening filter: what is taken of the rows before, newest first.
     pub memory: Vec<f64>,
-    /// Rms of what the filter leaves.
+    /// Rms of what the filter leaves of quiet rows.
     pub left: f64,
+    /// How many times louder than those the usual rows are.
+    pub usual: f64,
 }
 
 /// Which signal of [`Signals`].
@@ -90,9 +92,11 @@ pub fn noise(
     let least2 = least * least;
     let lags: Vec<f64> = std::iter::once(lags[0] + least2).chain(lags[1..].iter().copied()).collect();
     let (memory, left2) = levinson(&lags);
-    let mut noise = Noise { rms: lags[0].sqrt(), is_from_repeats, memory, left: left2.sqrt() };
+    let left = left2.sqrt();
+    let mut noise = Noise { rms: lags[0].sqrt(), is_from_repeats, memory, left, usual: 1.0 };
     if is_from_repeats {
-        noise.left = noise.left.min(noise.quiet(&blocks)).max(least);
+        noise.left = left.min(noise.quiet(&blocks)).max(least);
+        noise.usual = left / noise.left;
     }
     Some(noise)
 }

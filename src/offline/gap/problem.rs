@@ -233,19 +233,15 @@ impl<'m> Problem<'m> {
         self.noises.iter().enumerate().filter_map(of).collect()
     }
 
-    /// Noise of a signal on the rows of a part, rms in its unit: on all rows, or where that part is louder as much more.
+    /// Noise of a signal on the rows of a part, rms in its unit: that of usual rows, or where the part is louder as much more.
     pub fn floor(&self, signal: usize, part: Part) -> Option<f64> {
-        let power = |counts: &dyn Fn(&AxisData, usize) -> bool| {
-            let all = self.data.iter().flat_map(|data| {
-                let loud = data.loudness[signal].iter().enumerate();
-                loud.filter(move |(row, _)| counts(data, *row)).map(|(_, loud)| loud * loud)
-            });
-            let (sum, rows) = all.fold((0.0, 0usize), |(sum, rows), loud| (sum + loud, rows + 1));
-            if rows > 0 { sum / rows as f64 } else { 1.0 }
+        let noise = self.noises[signal].as_ref()?;
+        let of = |data: &AxisData| -> (f64, usize) {
+            let counting = data.loudness[signal].iter().zip(data.rows(part)).filter(|(_, counts)| **counts);
+            counting.fold((0.0, 0), |(sum, rows), (loud, _)| (sum + loud * loud, rows + 1))
         };
-        let own = power(&|data, row| data.rows(part)[row]);
-        let all = power(&|data, row| data.fit[row] || data.held[row]);
-        Some(self.noises[signal].as_ref()?.rms * (own / all).max(1.0).sqrt())
+        let (sum, rows) = self.data.iter().map(of).fold((0.0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
+        Some(noise.rms * ((sum / rows.max(1) as f64).sqrt() / noise.usual).max(1.0))
     }
 
     /// The runs that have rows of a part.
