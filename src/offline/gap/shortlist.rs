@@ -113,8 +113,9 @@ pub fn shortlist(problem: &Problem<'_>, here: &Linear, peaks: &dyn Fn(&Parameter
     let has = |name: &str| model.effects.iter().any(|tried| tried.entry.name == name);
     // A further harmonic is one beside the first.
     let is_further = |entry: &Entry| {
-        let first = entry.law_of.and_then(crate::plant::effects::entry);
-        first.is_some_and(|first| first.equation == entry.equation && !has(first.name))
+        let is_alike = |other: &&Entry| other.effect() == entry.effect() && other.equation == entry.equation;
+        let first = CATALOGUE.iter().find(is_alike).map_or(entry.name, |first| first.name);
+        first != entry.name && !has(first)
     };
     let trials: Vec<(&'static Entry, Values)> = CATALOGUE
         .iter()

@@ -5,7 +5,7 @@
 //!   x_shown = x_m + A sin(2π x_m / p + φ)
 //! ```
 //!
-//! 1 % of the period is usual. The period is that in travel: of an encoder with 2048 lines on a screw of 10 mm,
+//! 1 % of the period is usual; what swings twice beside it is a harmonic with values of its own. The period is that in travel: of an encoder with 2048 lines on a screw of 10 mm,
 //! 4.9 um.
 //! Invariant: a function of the place alone; no force.
 
@@ -31,6 +31,13 @@ pub(super) const ENTRY: Entry = Entry {
     action: Action::MotorEncoder(interpolation),
 };
 
+pub(super) const HARMONIC: Entry = Entry {
+    name: "encoder-interpolation-harmonic",
+    summary: "another swing that a motor encoder shows in each period of its signal",
+    law_of: Some("encoder-interpolation"),
+    ..ENTRY
+};
+
 pub(super) const SCALE: Entry = Entry {
     name: "encoder-interpolation-scale",
     summary: "a table scale that shows a swing in each period of its signal",
@@ -43,6 +50,13 @@ pub(super) const SCALE: Entry = Entry {
     law_of: Some("encoder-interpolation"),
     action: Action::TableScale(interpolation),
     ..ENTRY
+};
+
+pub(super) const SCALE_HARMONIC: Entry = Entry {
+    name: "encoder-interpolation-scale-harmonic",
+    summary: "another swing that a table scale shows in each period of its signal",
+    law_of: Some("encoder-interpolation"),
+    ..SCALE
 };
 
 fn interpolation(values: &Values, _: &Parameters) -> Box<dyn Reading> {

@@ -6,6 +6,7 @@
 //!
 //! It stands in what the table scale shows against the motor encoder; the forces by which it shakes the table
 //! are left out, below 1 N at 100 mm/s and 10 mm. With the lead as its period it is what an eccentric motor encoder looks like.
+//! A further harmonic has values of its own.
 //! Invariant: a function of the place alone; no force.
 
 use std::f64::consts::TAU;
@@ -34,4 +35,12 @@ pub(super) const ENTRY: Entry = Entry {
             phase_rad: values[2].to_radians(),
         })
     }),
+};
+
+pub(super) const HARMONIC: Entry = Entry {
+    name: "pitch-error-harmonic",
+    summary: "another swing of the lead along the screw",
+    aliases: &[],
+    law_of: Some("pitch-error"),
+    ..ENTRY
 };

@@ -6,8 +6,8 @@
 //!
 //! `x` is the position of the table; the factor acts on the whole law of Eq. (1), on the break-away force as on
 //! the sliding one, and is the same at all speeds and both ways. 1 to 5 % are usual; once a turn where screw or bearings
-//! run out, twice where the screw is bent or the nut oval. More often it is `ball_pass_ripple`. Valid for one harmonic
-//! alone: real screws have others, and a share that grows with preload.
+//! run out, twice where the screw is bent or the nut oval. More often it is `ball_pass_ripple`. A further harmonic has
+//! values of its own. Real screws also have a share that grows with preload.
 //! Invariant: the factor is never negative, so friction only ever takes energy.
 
 use std::f64::consts::TAU;
@@ -30,6 +30,13 @@ pub(super) const ENTRY: Entry = Entry {
     aliases: &[],
     law_of: None,
     action: Action::Friction(ripple),
+};
+
+pub(super) const HARMONIC: Entry = Entry {
+    name: "screw-ripple-harmonic",
+    summary: "another friction that comes back with each turn of the screw, or with half of it",
+    law_of: Some("screw-ripple"),
+    ..ENTRY
 };
 
 /// A ripple of this share, so many periods in a turn and this phase.

@@ -4,7 +4,7 @@
 //!   T = K_t i (1 + a sin(n θ + φ))
 //! ```
 //!
-//! Grows with the current, which cogging does not.
+//! Grows with the current, which cogging does not. A further harmonic has values of its own.
 //! Invariant: nothing without current.
 
 use std::f64::consts::TAU;
@@ -32,6 +32,13 @@ pub(super) const ENTRY: Entry = Entry {
             phase_rad: values[2].to_radians(),
         })
     }),
+};
+
+pub(super) const HARMONIC: Entry = Entry {
+    name: "torque-ripple-harmonic",
+    summary: "another swing of the torque constant with the angle of the motor",
+    law_of: Some("torque-ripple"),
+    ..ENTRY
 };
 
 #[derive(Debug)]
