@@ -16,7 +16,7 @@ use super::judged::{self, Judged};
 use super::linear::Linear;
 use super::model::Model;
 use super::problem::Problem;
-use super::refit::{ITERATIONS, is_far, refitted, scale};
+use super::refit::{ITERATIONS, is_far, scale};
 use crate::plant::effects::{CATALOGUE, Entry, Experiment, Parameter};
 
 /// Fall of the information criterion that a candidate must bring on the fitted rows, beyond what the number of candidates
@@ -143,21 +143,19 @@ pub(super) fn does_not_show_where_judged(
 }
 
 /// Models with an effect more, fitted to all rows and put to every gate but the last; those that the model has already
-/// explain so much of the rows that judge.
+/// explain so much of the rows that judge. What explains much is fitted again by `refit`.
 pub(super) fn tried(
     problem: &Problem<'_>,
     here: &Linear,
     without: &Fitted,
     (blocks_without, explained): (&Blocks, f64),
     promising: &[Model],
-    (once, start): (&Problem<'_>, &Model),
+    refit: &(dyn Fn(&Model) -> Fitted + Sync),
     rows: [usize; 2],
 ) -> Vec<Candidate> {
     let without_held = blocks_without.cost();
     // What explains much leads far from where those derivatives hold.
-    let grown = |fitted: Fitted| {
-        if is_far(&fitted, without) { refitted(problem, once, &fitted.model, start) } else { fitted }
-    };
+    let grown = |fitted: Fitted| if is_far(&fitted, without) { refit(&fitted.model) } else { fitted };
     let both = |model: &Model| {
         let own = grown(fit(problem, model, Effort::Coarse(ITERATIONS[1]), Some(here)));
         // At its bound an effect may be on its way to another, and what leads far may lead to what is alike.

@@ -36,6 +36,10 @@ const FEW: usize = 2;
 const LOUDER: f64 = 2.0;
 /// Most effects that are named of an axis.
 const EFFECTS_MAX: usize = 4;
+/// How often the search goes on from a deeper place of the base to which an effect led that is not needed.
+const VALLEYS: usize = 2;
+/// A model that leaves so many times as much without an effect needs it.
+const PLAINLY: f64 = 2.0;
 /// What an axis lacks.
 #[derive(Debug)]
 pub struct Named {
@@ -121,9 +125,10 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
     }
     let (problem, once) = (&problem, problem.first_passes());
     let (mut model, mut blocks) = (coarse.clone(), Blocks::new(problem, &coarse.model));
-    let alone_held = blocks.cost();
+    let mut alone_held = blocks.cost();
     // The base at its bottom, which is known where a name was put to the test.
     let mut base: Option<Fitted> = None;
+    let mut valleys = 0;
     let mut effects: Vec<NamedEffect> = Vec::new();
     let (mut refused, mut smallest) = (Vec::new(), Vec::new());
     while effects.len() < EFFECTS_MAX {
@@ -149,11 +154,16 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
             |one: Smallest| Smallest { amplitude: one.amplitude.map(|amplitude| amplitude / more), ..one };
         smallest = listed.smallest.into_iter().map(by_all).collect();
         let mut candidates = Vec::new();
+        // With louder noise it is fitted to the bottom when it has been chosen.
+        let refit = |model: &Model| match &louder {
+            Some(louder) => coarsely_from(&louder.problem, &louder.once, model, start),
+            None => refitted(problem, &once, model, start),
+        };
         // Of all rows, where anything is to be fitted to them.
         let mut here = None;
         for promising in promising.iter().filter(|promising| !promising.is_empty()) {
             let here = here.get_or_insert_with(|| linear(search, &at.model));
-            candidates.extend(tried(search, here, at, judged, promising, (searched, start), rows));
+            candidates.extend(tried(search, here, at, judged, promising, &refit, rows));
             if candidates.iter().any(|candidate: &Candidate| candidate.failed.is_empty()) {
                 break;
             }
@@ -172,12 +182,13 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
             is_near || is_alias(best_name, candidate.name())
         });
         progress(&format!("{best_name}: is it needed?"));
-        let to_the_bottom = |candidate: &Candidate| {
-            if louder.is_none() && is_far(&candidate.fitted, &model) {
-                candidate.fitted.clone()
-            } else {
-                refitted(problem, &once, &candidate.fitted.model, start)
+        // What is far was fitted by all ways already.
+        let to_the_bottom = |candidate: &Candidate| match &louder {
+            Some(louder) if is_far(&candidate.fitted, &louder.fitted) => {
+                fit(problem, &candidate.fitted.model, Effort::Fine, None)
             }
+            None if is_far(&candidate.fitted, &model) => candidate.fitted.clone(),
+            _ => refitted(problem, &once, &candidate.fitted.model, start),
         };
         let Near { mut class, model: bottom, told_apart } = Near::of(near, &to_the_bottom, &model, rows[0]);
         let best = class[0].clone();
@@ -197,7 +208,7 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
             class.iter().map(|one| (0.5 * (one.evidence - best.evidence).min(0.0) / margin).exp()).collect();
         let all: f64 = weights.iter().sum();
         let class = class.into_iter().zip(weights.iter().map(|weight| weight / all)).collect();
-        model = bottom;
+        let before = std::mem::replace(&mut model, bottom);
         blocks = Blocks::new(problem, &model.model);
         effects.push(NamedEffect { name: best.name(), class, runner_up });
         // On its way to the effect the base may have left a valley in which the fit without it was held up: what is
@@ -207,12 +218,20 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
             base = Some(test.fitted.clone());
         }
         if !test.shows_need(&model, &blocks, effects.len() - 1, rows) {
+            let is_deeper = is_far(&test.fitted, &before);
             (model, blocks) = (test.fitted, test.blocks);
             effects.pop();
             let mut best = best;
             best.failed.push(Gate::Needed);
             refused.push(best);
-            break;
+            // It only led the base out of its valley, where what is missing may not have shown.
+            valleys += 1;
+            if !is_deeper || valleys > VALLEYS {
+                break;
+            }
+            if effects.is_empty() {
+                alone_held = blocks.cost();
+            }
         }
     }
     // Backwards: what came first may have stood for what came later.
@@ -257,7 +276,12 @@ impl<'m> Louder<'m> {
         }
         let louder = problem.louder(by);
         let once = louder.first_passes();
-        let fitted = coarsely_from(&louder, &once, model, start);
+        // What was named has been fitted to the bottom, and tells which valley it is.
+        let fitted = if model.effects.is_empty() {
+            coarsely_from(&louder, &once, model, start)
+        } else {
+            fit(&louder, model, Effort::Coarse(ITERATIONS[0]), None)
+        };
         let [blocks, alone] = [&fitted.model, alone].map(|model| Blocks::new(&louder, model));
         Some(Self { problem: louder, once, fitted, blocks, alone_held: alone.cost() })
     }
@@ -293,7 +317,9 @@ impl Without {
         let fitted = if without.effects.is_empty() {
             base_refitted(problem, once, [&without, alone])
         } else {
-            refitted(problem, once, &without, start)
+            let near = fit(once, &without, Effort::Coarse(ITERATIONS[0]), None).model;
+            let near = fit(problem, &near, Effort::Coarse(0), None);
+            if near.total > PLAINLY * model.total { near } else { refitted(problem, once, &without, start) }
         };
         Self { blocks: Blocks::new(problem, &fitted.model), fitted }
     }
