@@ -250,7 +250,8 @@ fn what_the_controller_does_otherwise_shows_in_the_following_error() {
     });
     changes(&named(Kind::CommandFilter, 0.5), SPEED, Lag, 0.05, |at, size| at.velocity * 1e-3 * size);
     let mean = effect(What::Named(Kind::CommandFilter), 0.5, 0.9);
-    changes(&mean, SPEED, Lag, 0.05, |at, size| at.velocity * 0.5e-3 * size);
+    // Late by half of its length, and told so.
+    changes(&mean, SPEED, Lag, 0.05, |at, size| at.velocity * 1e-3 * size);
 }
 
 /// The row from which on two runs differ in the current.
