@@ -123,16 +123,21 @@ pub fn analyse<'m>(
         .filter(|id| request.axes.is_empty() || request.axes.contains(id))
         .filter(|id| runs.iter().any(|run| run.axes.contains_key(id)))
         .collect();
+    progress("the controller alone");
+    let explained: Vec<Vec<Vec<Match>>> = ids
+        .iter()
+        .map(|id| runs.iter().map(|run| controller::matches(machine, *id, run)).collect())
+        .collect();
     let gain_set =
         match &request.gains {
             Some(name) => machine.gain_sets.iter().position(|known| known == name).ok_or_else(|| {
                 GapError::NoGains { name: name.clone(), known: machine.gain_sets.join(", ") }
             })? as u8,
-            None => ids.first().map_or(0, |id| by_the_current(machine, runs, *id)),
+            None => explained.first().map_or(0, |matches| by_the_current(matches)),
         };
     let mut axes = Vec::new();
-    for id in ids {
-        axes.push(axis(machine, runs, &repeats, id, gain_set, progress)?);
+    for (id, matches) in ids.into_iter().zip(&explained) {
+        axes.push(axis(machine, runs, &repeats, id, (gain_set, matches), progress)?);
     }
     progress("circles, before and after");
     let contours = contours(runs, &axes);
@@ -145,13 +150,12 @@ fn axis<'m>(
     runs: &[Run],
     repeats: &[Repeat],
     id: AxisId,
-    gain_set: u8,
+    (gain_set, matches): (u8, &[Vec<Match>]),
     progress: &(dyn Fn(&str) + Sync),
 ) -> Result<AxisGap<'m>, GapError> {
     let axis_name = machine.axis_names()[id.index()].clone();
     let say = |what: &str| progress(&format!("axis {axis_name}: {what}"));
-    say("the controller alone");
-    let (controller, phases) = loops(machine, runs, id, gain_set, &axis_name)?;
+    let (controller, phases) = loops(machine, matches, gain_set, &axis_name)?;
     let mut problem = problem_of(machine, runs, repeats, id, gain_set, &phases);
     let start = Model::new(machine.axes[id].plant);
     let mut named = name::name(&problem, &start, &say);
@@ -204,12 +208,12 @@ pub fn problem_of<'m>(
     Problem::new(machine, id, gain_set, data, noises)
 }
 
-/// The gain set whose loops explain the current of an axis; the first where that of others says no more.
-pub fn by_the_current(machine: &Machine, runs: &[Run], id: AxisId) -> u8 {
-    let all: Vec<Vec<Match>> = runs.iter().map(|run| controller::matches(machine, id, run)).collect();
-    let sets = 0..machine.gain_sets.len() as u8;
-    let best = sets.min_by(|a, b| left_of(&all, *a).total_cmp(&left_of(&all, *b))).unwrap_or_default();
-    if left_of(&all, best) < OTHER_GAINS * left_of(&all, 0) { best } else { 0 }
+/// The gain set whose loops explain the current of an axis, by what they leave of each run; the first where that of others
+/// says no more.
+pub fn by_the_current(all: &[Vec<Match>]) -> u8 {
+    let sets = all.iter().flatten().map(|found| found.gain_set);
+    let best = sets.min_by(|a, b| left_of(all, *a).total_cmp(&left_of(all, *b))).unwrap_or_default();
+    if left_of(all, best) < OTHER_GAINS * left_of(all, 0) { best } else { 0 }
 }
 
 /// What the loops of a gain set leave of the current of a run, as a share of it, on average.
@@ -224,17 +228,15 @@ fn left_of(all: &[Vec<Match>], set: u8) -> f64 {
 /// How well the loops explain the current, and in which row of each run the position loop acts first.
 fn loops(
     machine: &Machine,
-    runs: &[Run],
-    id: AxisId,
+    all: &[Vec<Match>],
     gain_set: u8,
     axis: &str,
 ) -> Result<(Option<Match>, Vec<usize>), GapError> {
-    let all: Vec<Vec<Match>> = runs.iter().map(|run| controller::matches(machine, id, run)).collect();
     let own = |matches: &[Match]| matches.iter().find(|found| found.gain_set == gain_set).copied();
     let phases = all.iter().map(|matches| own(matches).map_or(0, |found| found.phase)).collect();
-    let left = left_of(&all, gain_set);
+    let left = left_of(all, gain_set);
     for other in (0..machine.gain_sets.len() as u8).filter(|other| *other != gain_set) {
-        let other_left = left_of(&all, other);
+        let other_left = left_of(all, other);
         if other_left < OTHER_GAINS * left && other_left < 0.1 {
             return Err(GapError::OtherGains {
                 axis: axis.to_owned(),
