@@ -20,7 +20,7 @@ use super::linear::{K, Linear, Steps, residuals};
 use super::model::Model;
 use super::near::{Near, is_alias, margin};
 use super::problem::{Part, Problem};
-use super::refit::{ITERATIONS, base_refitted, coarsely, coarsely_from, is_far, refitted, scale};
+use super::refit::{ITERATIONS, base_refitted, coarsely, coarsely_from, ended, is_far, refitted, scale};
 use super::shortlist::{Scored, Smallest, shortlist};
 use super::spectrum::Peaks;
 use crate::plant::effects::{Experiment, entry};
@@ -317,8 +317,7 @@ impl Without {
         let fitted = if without.effects.is_empty() {
             base_refitted(problem, once, [&without, alone])
         } else {
-            let near = fit(once, &without, Effort::Coarse(ITERATIONS[0]), None).model;
-            let near = fit(problem, &near, Effort::Coarse(0), None);
+            let near = fit(problem, &ended(once, &without), Effort::Coarse(0), None);
             if near.total > PLAINLY * model.total { near } else { refitted(problem, once, &without, start) }
         };
         Self { blocks: Blocks::new(problem, &fitted.model), fitted }

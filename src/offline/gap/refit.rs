@@ -65,8 +65,8 @@ fn apart(base: &Model, by: f64) -> Model {
     base.at(&at)
 }
 
-/// Where a coarse fit of the base ends.
-fn ended(problem: &Problem<'_>, model: &Model) -> Model {
+/// Where a coarse fit ends.
+pub(super) fn ended(problem: &Problem<'_>, model: &Model) -> Model {
     fit(problem, model, Effort::Coarse(ITERATIONS[0]), None).model
 }
 
