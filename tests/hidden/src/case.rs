@@ -61,7 +61,7 @@ pub struct Truth {
     /// How strong each is meant to be.
     pub severity: Option<Severity>,
     /// How its runs are delivered.
-    #[serde(default = "apart")]
+    #[serde(default)]
     pub form: Form,
     /// How strong all together are.
     pub d_prime: f64,
@@ -220,18 +220,17 @@ impl Bench {
             bump: nuisance.bump,
             drift: nuisance.drift,
         };
-        let is_absent = |run: &Run| nuisance.absent == Some(kind_of(&run.motion, run.is_held_out));
         let named = |run: &Run| run.name.clone();
         if plan.form == Form::Apart {
             let runs = self.machine.runs.iter().zip(Session::starts(&self.machine)).zip(session.run());
             return runs
-                .filter(|((run, _), _)| !is_absent(run))
+                .filter(|((run, _), _)| nuisance.has(run))
                 .map(|((run, start), rows)| Recording { name: named(run), start, rows })
                 .collect();
         }
         // What is absent was never driven.
         let mut machine = self.machine.clone();
-        machine.runs.retain(|run| !is_absent(run));
+        machine.runs.retain(|run| nuisance.has(run));
         let place = |run: usize| machine.runs.iter().position(|other| *other == self.machine.runs[run]);
         session.bump = nuisance.bump.and_then(|(run, bump)| Some((place(run)?, bump)));
         session.machine = &machine;
@@ -276,11 +275,6 @@ struct Recording {
     /// What its clock says at its first row, s.
     start: f64,
     rows: Vec<Row>,
-}
-
-/// Cases were made before there were other forms.
-fn apart() -> Form {
-    Form::Apart
 }
 
 /// What may be said of a case of this role.
@@ -341,9 +335,14 @@ impl Nuisance {
         }
     }
 
+    /// Whether a run is there.
+    fn has(&self, run: &Run) -> bool {
+        self.absent != Some(kind_of(&run.motion, run.is_held_out))
+    }
+
     fn visible(&self, machine: &Machine) -> Visible {
-        let is_there = |run: &Run| self.absent != Some(kind_of(&run.motion, run.is_held_out));
-        Visible { has_table: self.has_table, runs: machine.runs.iter().map(is_there).collect() }
+        let runs = machine.runs.iter().map(|run| self.has(run)).collect();
+        Visible { has_table: self.has_table, runs }
     }
 }
 

@@ -72,10 +72,11 @@ pub enum Role {
 }
 
 /// How runs are recorded and delivered.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum Form {
     /// A file each, from a machine that was just switched on, on one clock.
+    #[default]
     Apart,
     /// A file each from a session in one go, with a rest at either end: no axis begins without being wound up.
     Rests,
@@ -88,7 +89,7 @@ pub enum Form {
 impl Form {
     /// One of these drawn; apart where there are none.
     fn drawn(of: &[Self], seed: u64) -> Self {
-        if of.is_empty() { Self::Apart } else { of[random(seed, 9).random_range(0..of.len())] }
+        if of.is_empty() { Self::default() } else { of[random(seed, 9).random_range(0..of.len())] }
     }
 }
 
