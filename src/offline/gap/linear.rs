@@ -14,7 +14,7 @@
 
 use std::sync::Arc;
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, DVectorView};
 use rayon::prelude::*;
 
 use super::model::Model;
@@ -256,29 +256,34 @@ impl Normal {
     }
 
     /// Of one run.
-    pub fn of(residual: &Residual, columns: &[Option<&Residual>], block: usize, loss: Loss) -> Self {
+    pub fn of<'r>(residual: &Residual, columns: &[Option<&'r Residual>], block: usize, loss: Loss) -> Self {
         let count = columns.len();
         let mut sum = Self { cost: loss.sum(residual), ..Self::zero(count) };
-        let blocks = residual.iter().map(Vec::len).max().unwrap_or(0).div_ceil(block);
-        let mut slopes = DMatrix::zeros(count, blocks);
+        let longest = residual.iter().map(Vec::len).max().unwrap_or(0);
+        let mut slopes = DMatrix::zeros(count, longest.div_ceil(block));
         for (signal, rows) in residual.iter().enumerate() {
-            let weights: Vec<f64> = rows.iter().map(|value| loss.weight(*value)).collect();
-            for i in 0..count {
-                let Some(a) = &columns[i] else { continue };
-                let weighed: Vec<f64> = a[signal].iter().zip(&weights).map(|(a, w)| a * w).collect();
-                for (number, (weighed, rows)) in weighed.chunks(block).zip(rows.chunks(block)).enumerate() {
-                    slopes[(i, number)] += dot(weighed, rows);
-                }
-                for (j, b) in columns.iter().enumerate().take(i + 1) {
-                    let Some(b) = b else { continue };
-                    let entry = dot(&weighed, &b[signal]);
-                    sum.curvature[(i, j)] += entry;
-                    if i != j {
-                        sum.curvature[(j, i)] += entry;
+            // Block by block: the rows of all columns stay near at hand.
+            for (number, rows) in rows.chunks(block).enumerate() {
+                let weights: Vec<f64> = rows.iter().map(|value| loss.weight(*value)).collect();
+                let of_block = |column: &Option<&'r Residual>| {
+                    let block = &(*column)?[signal][number * block..][..rows.len()];
+                    Some(DVectorView::from_slice(block, block.len()))
+                };
+                let columns: Vec<_> = columns.iter().map(of_block).collect();
+                let rows = DVectorView::from_slice(rows, rows.len());
+                for (i, a) in columns.iter().enumerate() {
+                    let Some(a) = a else { continue };
+                    let weighed =
+                        DVector::from_iterator(rows.len(), a.iter().zip(&weights).map(|(a, w)| a * w));
+                    slopes[(i, number)] += weighed.dot(&rows);
+                    for (j, b) in columns.iter().enumerate().take(i + 1) {
+                        let Some(b) = b else { continue };
+                        sum.curvature[(i, j)] += weighed.dot(b);
                     }
                 }
             }
         }
+        sum.curvature.fill_upper_triangle_with_lower_triangle();
         sum.slope = slopes.column_sum();
         sum.spread = &slopes * slopes.transpose();
         sum.by_run = (&sum.slope * sum.slope.transpose(), 1);
@@ -340,10 +345,6 @@ pub(super) fn regular(curvature: &DMatrix<f64>) -> Option<DMatrix<f64>> {
         curvature[(place, place)] += 1e-9;
     }
     curvature.cholesky().map(|cholesky| cholesky.inverse())
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 #[cfg(test)]
