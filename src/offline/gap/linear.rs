@@ -184,7 +184,9 @@ impl Linear {
             let columns: Vec<Option<&Residual>> = run.columns.iter().map(Option::as_deref).collect();
             Normal::of(&run.residual, &columns, block, loss)
         };
-        self.runs.par_iter().map(one).reduce(|| Normal::zero(count), Normal::plus)
+        // In their order: sums of threads as they come would end a search elsewhere each time.
+        let all: Vec<Normal> = self.runs.par_iter().map(one).collect();
+        all.into_iter().fold(Normal::zero(count), Normal::plus)
     }
 }
 
