@@ -119,9 +119,14 @@ impl Course {
         later
     }
 
-    /// Where the axis should be, m, row by row.
+    /// What the axis is asked for, row by row.
+    pub fn setpoints(&self) -> impl Iterator<Item = &Setpoint> {
+        self.setpoints.iter()
+    }
+
+    /// Where it should be, m, row by row.
     pub fn setpoints_m(&self) -> impl Iterator<Item = f64> {
-        self.setpoints.iter().map(|setpoint| setpoint.position.as_m())
+        self.setpoints().map(|setpoint| setpoint.position.as_m())
     }
 
     /// The run with this plant behind the loops of an axis, whose position loop acts every so many rows.

@@ -199,7 +199,7 @@ fn column(
     coordinate: usize,
     step: f64,
 ) -> Option<Residual> {
-    if !model.is_free(coordinate) {
+    if !model.is_free(coordinate) || !problem.tells(coordinate) {
         return None;
     }
     // Away from a bound where one is near.

@@ -36,6 +36,7 @@ pub mod locate;
 pub mod logged;
 pub mod model;
 mod motions;
+mod moving;
 pub mod name;
 mod near;
 pub mod plan;

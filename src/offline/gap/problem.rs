@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 use super::floor::{Loudness, Noise, Pick};
 use super::forward::{Course, SETTLE_S, Signals, without_counts};
-use super::model::Model;
+use super::model::{BASE, Model};
 use super::motions::tells;
 use super::runs::Run;
 use crate::base::axis::AxisId;
@@ -96,6 +96,8 @@ pub struct Problem<'m> {
     pub data: Arc<Vec<AxisData>>,
     /// Noise of each signal; `None` where it was not measured.
     pub noises: [Option<Noise>; SIGNALS.len()],
+    /// Base parameters that the rows say nothing of.
+    untold: &'static [&'static str],
 }
 
 /// What a model leaves of a run, whitened: signal by signal, row by row; zero where a row does not count.
@@ -110,7 +112,8 @@ impl<'m> Problem<'m> {
         data: Vec<AxisData>,
         noises: [Option<Noise>; SIGNALS.len()],
     ) -> Self {
-        Self { machine, id, axis: without_counts(&machine.axes[id]), gain_set, data: Arc::new(data), noises }
+        let axis = without_counts(&machine.axes[id]);
+        Self { machine, id, axis, gain_set, data: Arc::new(data), noises, untold: &[] }
     }
 
     /// The same with each command once: a second pass tells the same again, and takes as long to simulate. No rows of
@@ -163,6 +166,17 @@ impl<'m> Problem<'m> {
     #[must_use]
     pub fn with_data(&self, data: Arc<Vec<AxisData>>) -> Self {
         Self { data, axis: self.axis, noises: self.noises.clone(), ..*self }
+    }
+
+    /// The same with rows that say nothing of some base parameters.
+    #[must_use]
+    pub(super) fn not_telling(self, untold: &'static [&'static str]) -> Self {
+        Self { untold, ..self }
+    }
+
+    /// Whether the rows say something of a coordinate.
+    pub(super) fn tells(&self, coordinate: usize) -> bool {
+        BASE.get(coordinate).is_none_or(|base| !self.untold.contains(&base.name))
     }
 
     /// Rows of a run that count: those after the start in which the machine does not rest, that are sound, as are those the

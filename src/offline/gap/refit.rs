@@ -6,18 +6,18 @@ use rayon::prelude::*;
 
 use super::fit::{Effort, Fitted, LEAST_PER_ROW, fit, total_of};
 use super::model::{BASE, Model};
-use super::problem::{Part, Problem};
+use super::problem::Problem;
 
 /// Iterations of coarse fits: of the base, and of a candidate with it.
 pub(super) const ITERATIONS: [usize; 2] = [12, 6];
-/// Within how many priors a model must be straight about a row for it to count, fit by fit: never mind from where a model
-/// stands, and from the file; and once more from there where the ends of these differ by more than a share of the cost.
-const WAYS: [&[f64]; 3] = [&[], &[0.3, 0.1, 0.05], &[0.5, 0.25, 0.1]];
+/// Within how many priors a model must be straight about a row for it to count, fit by fit, from where rows in motion led;
+/// the second way only where the first led deeper than where a model stood, by more than a share of the cost.
+const WAYS: [&[f64]; 2] = [&[0.1, 0.05], &[0.3, 0.1, 0.05]];
 const SAME: f64 = 1e-3;
-/// By how many priors mass and stiffness of the file are moved apart, where all that leaves more than noise: without a table
-/// scale only what rings tells one from the other, and each frequency has a valley of its own.
+/// By how many priors mass and stiffness of the file are moved apart: without a table scale only what rings tells one from
+/// the other, and each frequency has a valley of its own.
 const TUNED: [f64; 2] = [0.6, -0.6];
-/// The same for what is named and judged.
+/// Within how many priors a model must be straight for what is named and judged.
 const REACH: f64 = 0.05;
 /// What leaves less than this share of what was left is fitted to the bottom.
 const FAR: f64 = 0.95;
@@ -27,22 +27,28 @@ pub(super) fn refitted(problem: &Problem<'_>, once: &Problem<'_>, model: &Model,
     fit(problem, &by_all_ways(problem, once, model, start), Effort::Fine, None)
 }
 
-/// A model fitted coarsely, from where it stands and from the base of the file, by rows about which it is straight: a base
-/// that was fitted without the effect may stand in a valley of its own, and where stick and slip make many valleys, no
-/// way is always the best.
+/// A model fitted coarsely, from where it stands and from the base of the file, by rows in motion and then by rows about which
+/// it is straight: a base that was fitted without the effect may stand in a valley of its own, and where stick and
+/// slip make many valleys, no way is always the best.
 fn by_all_ways(problem: &Problem<'_>, once: &Problem<'_>, model: &Model, start: &Model) -> Model {
     let of_file = Model { base: start.base, ..model.clone() };
-    let walked = |ways: std::ops::Range<usize>| -> Vec<(f64, Model)> {
-        let begun = |number: usize| if WAYS[number].is_empty() { model } else { &of_file };
-        let ends: Vec<Model> =
-            ways.into_par_iter().map(|number| by_way(once, begun(number), number)).collect();
-        with_totals(problem, ends)
+    let by_file = || {
+        let led = led_by_motion(once, &[of_file]);
+        (by_way(once, &led, 0), led)
     };
-    let mut ends = walked(0..2);
-    if (ends[0].0 / ends[1].0 - 1.0).abs() > SAME {
-        ends.extend(walked(2..WAYS.len()));
-    }
-    deepest(ends).1
+    let (here, (there, led)) = rayon::join(|| ended(once, model), by_file);
+    let [here, there] = [here, there].map(|end| (total_of(problem, &end), end));
+    // What does not lead as deep from there does not by another way.
+    let is_worth_it = there.0 < (1.0 - SAME) * here.0;
+    let other = is_worth_it.then(|| by_way(once, &led, 1)).map(|end| (total_of(problem, &end), end));
+    deepest([here, there].into_iter().chain(other)).1
+}
+
+/// Where the rows in motion lead from some models: the deepest of it.
+fn led_by_motion(once: &Problem<'_>, begun: &[Model]) -> Model {
+    let Some(moving) = once.in_motion(&begun[0]) else { return begun[0].clone() };
+    let ends = begun.par_iter().map(|model| ended(&moving, model)).collect();
+    deepest(with_totals(&moving, ends)).1
 }
 
 /// Where a way from a model ends.
@@ -87,11 +93,10 @@ pub(super) fn base_refitted(problem: &Problem<'_>, once: &Problem<'_>, ends: [&M
 /// The base fitted coarsely, and the problem in which rows count by how straight it is about them.
 pub(super) fn coarsely<'m>(problem: &Problem<'m>, start: &Model) -> (Problem<'m>, Fitted) {
     let once = problem.first_passes();
-    let model = by_all_ways(problem, &once, start, start);
-    let best = (total_of(problem, &model), model);
-    let tuned = if best.0 > problem.count(Part::Fit) as f64 { &TUNED[..] } else { &[] };
-    let ends = tuned.par_iter().map(|by| by_way(&once, &apart(start, *by), 1)).collect();
-    let (_, model) = deepest(with_totals(problem, ends).into_iter().chain([best]));
+    let [stiffer, softer] = TUNED.map(|by| apart(start, by));
+    let led = led_by_motion(&once, &[start.clone(), stiffer, softer]);
+    let ends = (0..WAYS.len()).into_par_iter().map(|number| by_way(&once, &led, number)).collect();
+    let (_, model) = deepest(with_totals(problem, ends));
     let problem = problem.where_straight(&model, REACH, 0);
     let fitted = fit(&problem, &model, Effort::Coarse(ITERATIONS[0]), None);
     (problem, fitted)
