@@ -40,6 +40,9 @@ const EFFECTS_MAX: usize = 4;
 const VALLEYS: usize = 2;
 /// A model that leaves so many times as much without an effect needs it.
 const PLAINLY: f64 = 2.0;
+/// What is needed explains so many times as much as ends of the base without it differ by: another of its valleys would do the
+/// same.
+const ROUGH: f64 = 3.0;
 /// What an axis lacks.
 #[derive(Debug)]
 pub struct Named {
@@ -302,6 +305,8 @@ fn linear(problem: &Problem<'_>, model: &Model) -> Linear {
 struct Without {
     fitted: Fitted,
     blocks: Blocks,
+    /// By how much its ends differ.
+    rough: f64,
 }
 
 impl Without {
@@ -314,26 +319,27 @@ impl Without {
         [start, alone]: [&Model; 2],
     ) -> Self {
         let without = model.model.without(place);
-        let fitted = if without.effects.is_empty() {
+        let (fitted, rough) = if without.effects.is_empty() {
             base_refitted(problem, once, [&without, alone])
         } else {
             let near = fit(problem, &ended(once, &without), Effort::Coarse(0), None);
-            if near.total > PLAINLY * model.total { near } else { refitted(problem, once, &without, start) }
+            let is_plain = near.total > PLAINLY * model.total;
+            (if is_plain { near } else { refitted(problem, once, &without, start) }, 0.0)
         };
-        Self { blocks: Blocks::new(problem, &fitted.model), fitted }
+        Self { blocks: Blocks::new(problem, &fitted.model), fitted, rough }
     }
 
     /// Whether it does worse on both parts than the model with the effect.
     fn shows_need(&self, model: &Fitted, blocks: &Blocks, place: usize, rows: [usize; 2]) -> bool {
         let parameters = model.model.effects[place].entry.parameters.len() as f64;
-        let fall = (self.fitted.total - model.total) / scale(model.cost, rows[0])
-            - parameters * (rows[0] as f64).ln();
+        let explained = self.fitted.total - model.total;
+        let fall = explained / scale(model.cost, rows[0]) - parameters * (rows[0] as f64).ln();
         let held_fall = (self.blocks.cost() - blocks.cost()) / scale(blocks.cost(), rows[1]);
         let is_sure = self.blocks.is_surely_worse_than(blocks) || self.blocks.is_worse_in_many_than(blocks);
         let is_worse = held_fall > HELD_FALL && is_sure;
         let entry = model.model.effects[place].entry;
         let is_plain = does_not_show_where_judged(entry, &self.fitted, model, [&self.blocks, blocks], rows);
-        fall > FALL && (is_worse || is_plain)
+        fall > FALL && explained > ROUGH * self.rough && (is_worse || is_plain)
     }
 }
 

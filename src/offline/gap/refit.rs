@@ -18,7 +18,7 @@ const SAME: f64 = 1e-3;
 /// the other, and each frequency has a valley of its own.
 const TUNED: [f64; 2] = [0.6, -0.6];
 /// Within how many priors a model must be straight for what is named and judged.
-const REACH: f64 = 0.05;
+const REACH: f64 = 0.1;
 /// What leaves less than this share of what was left is fitted to the bottom.
 const FAR: f64 = 0.95;
 
@@ -84,10 +84,12 @@ fn deepest(ends: impl IntoIterator<Item = (f64, Model)>) -> (f64, Model) {
     ends.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)).expect("an end")
 }
 
-/// The base fitted to the bottom from where it stands beside an effect, and from where it was fitted without.
-pub(super) fn base_refitted(problem: &Problem<'_>, once: &Problem<'_>, ends: [&Model; 2]) -> Fitted {
-    let ends = ends.par_iter().map(|model| ended(once, model)).collect();
-    fit(problem, &deepest(with_totals(problem, ends)).1, Effort::Fine, None)
+/// The base fitted to the bottom from where it stands beside an effect, and from where it was fitted without; and by how
+/// much both ends differ: what is that rough tells of no effect that explains less.
+pub(super) fn base_refitted(problem: &Problem<'_>, once: &Problem<'_>, ends: [&Model; 2]) -> (Fitted, f64) {
+    let ends = with_totals(problem, ends.par_iter().map(|model| ended(once, model)).collect());
+    let apart = (ends[0].0 - ends[1].0).abs();
+    (fit(problem, &deepest(ends).1, Effort::Fine, None), apart)
 }
 
 /// The base fitted coarsely, and the problem in which rows count by how straight it is about them.
