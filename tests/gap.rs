@@ -289,6 +289,34 @@ fn rows_in_which_the_table_breaks_away_count_less_until_friction_is_known() {
 }
 
 #[test]
+fn rows_in_motion_lead_from_a_file_a_quarter_off_to_its_machine() {
+    let machine = config::load("paper").expect("a machine");
+    let file = Model::new(machine.axes[AxisId::X].plant);
+    let mut plant = file.twin().plant;
+    plant.mechanics.mass_kg *= 1.25;
+    plant.mechanics.stiffness_n_per_m *= 0.8;
+    plant.friction = plant.friction.scaled(0.8);
+    let runs = [("slow", 10.0, 2.4, 1), ("fast", 20.0, 1.6, 2)]
+        .map(|(name, radius_mm, lap_s, seed)| circle(&machine, &plant, name, [radius_mm, lap_s], seed, 0));
+    let problem = problem_of(&machine, &runs, &repeats(&runs), AxisId::X, 0, &[0, 0]);
+    let moving = problem.in_motion(&file).expect("circles move");
+    // The second lap of a sine reverses at a quarter.
+    let reversal = (2.4 * 1.25 * ROWS_PER_S) as usize;
+    let near = reversal - 20..reversal + 100;
+    assert!(problem.data[0].fit[near.clone()].contains(&true), "it counts");
+    assert!(!moving.data[0].fit[near].contains(&true), "it does not move there");
+    let found = fit(&moving, &file, Effort::Coarse(12), None).model.base_values();
+    let truths =
+        [("mass", 1.25 * 335.0, 0.05), ("stiffness", 0.8 * 151e6, 0.02), ("sliding", 0.8 * 951.3, 0.01)];
+    let untold = file.base_values().into_iter().filter(|(base, _)| base.name.starts_with("fall"));
+    let wanted = truths.into_iter().chain(untold.map(|(base, value)| (base.name, value, 1e-12)));
+    for (name, truth, within) in wanted {
+        let (_, value) = found.iter().find(|(base, _)| base.name == name).expect("a parameter");
+        assert!((value / truth - 1.0).abs() < within, "{name}: {value}, truth {truth}");
+    }
+}
+
+#[test]
 fn nor_does_a_lag() {
     let mut machine = config::load("paper").expect("a machine");
     machine.axes[AxisId::X].control.gain_sets[0].position.velocity_feed_forward = 0.6;
