@@ -27,7 +27,8 @@ const ABOUT: (f64, [usize; 2]) = (0.3, [40, 300]);
 const SAME: f64 = 0.02;
 /// Frequencies that are looked at, Hz and per turn.
 const HZ: [f64; 2] = [2.0, 400.0];
-const PER_TURN: [f64; 2] = [0.3, 1_500.0];
+/// What a screw and a motor do, and below it what lines of encoders do, which would take all places.
+const PER_TURN: [[f64; 2]; 2] = [[0.3, 40.0], [40.0, 1_500.0]];
 /// Sums per turn.
 const BINS_PER_TURN: f64 = 4_096.0;
 
@@ -100,7 +101,7 @@ impl Peaks {
         Self {
             session_s: end_s - begin_s,
             hz: hz.map(|hz| in_step(hz, &timed, period_s, end_s - begin_s)).collect(),
-            per_turn: of(BINS_PER_TURN, PER_TURN, false),
+            per_turn: PER_TURN.into_iter().flat_map(|range| of(BINS_PER_TURN, range, false)).collect(),
             lead_m,
             span_m,
         }
