@@ -9,7 +9,8 @@
 //!
 //! [`intake`] looks at data, and [`logged`] at logs, before they are believed as [`runs`], of one kind of `motions` each; [`floor`] finds the noise in
 //! [`repeats`]; [`forward`] runs the machine file from the command alone and [`controller`] its loops alone; [`fit`] fits a
-//! [`model`] in closed loop to a [`problem`], by its derivatives ([`linear`]); [`clocks`] are set where files have none in common; [`locate`] tells where the gap lives;
+//! [`model`] in closed loop to a [`problem`], by its derivatives ([`linear`]), first where the axis is `moving` and then where the model
+//! is `straight`; [`clocks`] are set where files have none in common; [`locate`] tells where the gap lives;
 //! [`shortlist`] and [`mod@name`] find the effects, which have to pass the [`gates`]; `foretold` tells whether something is
 //! left, and [`verdict`] says it in a word; [`contour`] and [`consequence`] show what it does to circles, and what would
 //! falsify it; [`write_back`] adds them to the machine file. [`demo`] is a machine to show it on.
