@@ -11,7 +11,7 @@ use super::problem::Problem;
 /// Iterations of coarse fits: of the base, and of a candidate with it.
 pub(super) const ITERATIONS: [usize; 2] = [12, 6];
 /// Within how many priors a model must be straight about a row for it to count, fit by fit, from where rows in motion led;
-/// the second way only where the first led deeper than where a model stood, by more than a share of the cost.
+/// beside an effect the second only where the first led deeper than where the model stood, by more than a share of the cost.
 const WAYS: [&[f64]; 2] = [&[0.1, 0.05], &[0.3, 0.1, 0.05]];
 const SAME: f64 = 1e-3;
 /// By how many priors mass and stiffness of the file are moved apart: without a table scale only what rings tells one from

@@ -27,7 +27,7 @@ const ABOUT: (f64, [usize; 2]) = (0.3, [40, 300]);
 const SAME: f64 = 0.02;
 /// Frequencies that are looked at, Hz and per turn.
 const HZ: [f64; 2] = [2.0, 400.0];
-/// What a screw and a motor do, and below it what lines of encoders do, which would take all places.
+/// Per turn in two ranges: lines of encoders, beyond what screw and motor do, would take all places.
 const PER_TURN: [[f64; 2]; 2] = [[0.3, 40.0], [40.0, 1_500.0]];
 /// Sums per turn.
 const BINS_PER_TURN: f64 = 4_096.0;
@@ -71,15 +71,24 @@ impl Peaks {
         let runs: Vec<_> = problem.places(Part::Fit).into_par_iter().map(of_run).collect();
         let period_s = problem.machine.cycle.period.as_s();
         let signals = problem.noises.iter().flatten().count();
-        let of = |per_unit: f64, range: [f64; 2], is_in_time: bool| {
+        let of = |per_unit: f64, ranges: &[[f64; 2]], is_in_time: bool| -> Vec<f64> {
             let of_signal = |signal: usize| {
                 let sums = runs.iter().map(|(in_time, by_place)| {
                     let all = if is_in_time { in_time } else { by_place };
                     all[signal].as_slice()
                 });
-                peaks(&sums.collect::<Vec<_>>(), per_unit, range)
+                power(&sums.collect::<Vec<_>>())
             };
-            most_plain((0..signals).flat_map(of_signal).collect())
+            let powers: Vec<Vec<f64>> = (0..signals).filter_map(of_signal).collect();
+            let within = |range: &[f64; 2]| {
+                most_plain(
+                    powers
+                        .iter()
+                        .flat_map(|power| tops(power, per_unit / (2 * power.len()) as f64, *range))
+                        .collect(),
+                )
+            };
+            ranges.iter().flat_map(within).collect()
         };
         let places = problem.places(Part::Fit).into_iter();
         let span_m = places
@@ -97,11 +106,11 @@ impl Peaks {
         let begins_s = problem.places(Part::Fit).into_iter();
         let begins_s = begins_s.map(|place| problem.data[place].course.begins().as_s());
         let timed: Vec<(f64, &Vec<Vec<f64>>)> = begins_s.zip(runs.iter().map(|(left, _)| left)).collect();
-        let hz = of(1.0 / period_s, HZ, true).into_par_iter();
+        let hz = of(1.0 / period_s, &[HZ], true).into_par_iter();
         Self {
             session_s: end_s - begin_s,
             hz: hz.map(|hz| in_step(hz, &timed, period_s, end_s - begin_s)).collect(),
-            per_turn: PER_TURN.into_iter().flat_map(|range| of(BINS_PER_TURN, range, false)).collect(),
+            per_turn: of(BINS_PER_TURN, &PER_TURN, false),
             lead_m,
             span_m,
         }
@@ -157,9 +166,9 @@ fn most_plain(mut peaks: Vec<(f64, f64)>) -> Vec<f64> {
     plain
 }
 
-/// Peaks of the power of all, each of so many values per unit, and by how much they stand out.
-fn peaks(sums: &[&[f64]], per_unit: f64, range: [f64; 2]) -> Vec<(f64, f64)> {
-    let Some(longest) = sums.iter().map(|sums| sums.len()).max() else { return Vec::new() };
+/// Power of all, line by line, up to half of the rate; nothing where there are none.
+fn power(sums: &[&[f64]]) -> Option<Vec<f64>> {
+    let longest = sums.iter().map(|sums| sums.len()).max()?;
     let length = (2 * longest).next_power_of_two();
     let transform = FftPlanner::new().plan_fft_forward(length);
     let mut power = vec![0.0; length / 2];
@@ -171,7 +180,7 @@ fn peaks(sums: &[&[f64]], per_unit: f64, range: [f64; 2]) -> Vec<(f64, f64)> {
             *power += line.norm_sqr();
         }
     }
-    tops(&power, per_unit / length as f64, range)
+    Some(power)
 }
 
 /// The frequency near a peak at which all runs of a session swing in step: what goes on between them keeps its phase, so it
