@@ -9,7 +9,7 @@ use super::bus_load::BusLoad;
 use super::machine::{AXIS_NAMES, Axis, Machine};
 use super::reader::Section;
 use crate::base::time::Span;
-use crate::plant::DEAD_TICKS_MAX;
+use crate::plant::FILE_DEAD_TICKS_MAX;
 use crate::rt::control::limits::JUMP_FACTOR;
 
 /// Share of the bus that the cycle's frames may take with all the stuff bits they can need; the rest is
@@ -117,9 +117,9 @@ impl AxisRules<'_, '_> {
             let label = format!("allowed is 0 to {} us", period.as_us());
             self.broken("board.feedback-latency-us", &["cycle.period-us"], title, label);
         }
-        let (dead_time, longest) = (self.axis.plant.actuator.dead_time, period * (DEAD_TICKS_MAX as i64 - 1));
+        let (dead_time, longest) = (self.axis.plant.actuator.dead_time, period * FILE_DEAD_TICKS_MAX as i64);
         if dead_time > longest {
-            let title = format!("{} us is more than {} periods", dead_time.as_us(), DEAD_TICKS_MAX - 1);
+            let title = format!("{} us is more than {} periods", dead_time.as_us(), FILE_DEAD_TICKS_MAX);
             let label = format!("allowed is 0 to {} us", longest.as_us());
             self.broken("drive.dead-time-us", &["cycle.period-us"], title, label);
         }

@@ -45,8 +45,11 @@ use maps::Motion;
 const LEANS: f64 = 0.02;
 /// Steps of a tick while the table creeps, reverses or may break away.
 pub const FINE_STEPS: u32 = 10;
-/// Longest dead time of the actuator, in ticks.
-pub const DEAD_TICKS_MAX: usize = 8;
+/// A dead time of the actuator is shorter than so many ticks: that of any machine file with any delay that is tried beside it, in the
+/// shortest cycle.
+pub const DEAD_TICKS_MAX: usize = 128;
+/// Longest dead time of a machine file, in ticks: one that is off by a factor is found before a loop is closed over it.
+pub const FILE_DEAD_TICKS_MAX: usize = 20;
 
 /// What the axis does at this instant, in travel.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -87,7 +90,7 @@ impl Plant {
     /// An axis at rest that is stepped at `tick`.
     ///
     /// # Panics
-    /// When the dead time reaches [`DEAD_TICKS_MAX`] ticks (checked by `config`).
+    /// When the dead time reaches [`DEAD_TICKS_MAX`] ticks (`config` allows [`FILE_DEAD_TICKS_MAX`]).
     pub fn new(axis: &Parameters, tick: Span) -> Self {
         Self::with_fine_steps(axis, tick, FINE_STEPS)
     }

@@ -10,7 +10,7 @@ pub(super) const ENTRY: Entry = Entry {
     name: "actuator-delay",
     summary: "a command that acts later than is known",
     equation: "i(t - T)",
-    parameters: &[Parameter::new("delay-us", "us", [0.0, 20_000.0], 250.0, 300.0)],
+    parameters: &[Parameter::new("delay-us", "us", [0.0, 5_000.0], 250.0, 300.0)],
     coordinate: Coordinate::Frequency,
     experiment: Experiment::Excitation,
     aliases: &[],
