@@ -16,7 +16,7 @@ use quadrant::offline::gap::fit::{Effort, fit};
 use quadrant::offline::gap::forward::Course;
 use quadrant::offline::gap::judged::judged;
 use quadrant::offline::gap::model::{Model, Tried};
-use quadrant::offline::gap::problem::Part;
+use quadrant::offline::gap::problem::{Part, Problem};
 use quadrant::offline::gap::repeats::repeats;
 use quadrant::offline::gap::runs::{AxisRun, Run};
 use quadrant::offline::gap::verdict::Verdict;
@@ -24,6 +24,7 @@ use quadrant::offline::gap::write_back::{self, Origin};
 use quadrant::offline::gap::{controller, locate};
 use quadrant::plant::Parameters;
 use quadrant::plant::effects::{Coordinate, entry};
+use quadrant::rt::drive::velocity::VelocityEstimate;
 use rand::SeedableRng;
 use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64Mcg;
@@ -246,7 +247,7 @@ fn the_row_in_which_the_position_loop_acts_is_found() {
         let plant = machine.axes[AxisId::X].plant;
         for phase in [0, 2] {
             let run = circle(&machine, &plant, "fast", [20.0, 1.6], 2, phase);
-            let found = controller::matches(&machine, AxisId::X, &run)[0];
+            let found = controller::explained(&machine, AxisId::X, &[run])[0][0];
             assert_eq!((found.gain_set, found.phase), (0, phase), "{name}, feed-forward {feed_forward}");
             // The noise alone is left.
             assert!(found.left_share < 0.1, "{name}, feed-forward {feed_forward}: {found:?}");
@@ -261,8 +262,9 @@ fn a_delay_that_is_not_known_of_does_not_pass_for_another_row_of_the_position_lo
     let late = machine.axes[AxisId::X].plant.with_effect(delay, [920.0, 0.0, 0.0]);
     for phase in [0, 2] {
         let run = circle(&machine, &late, "fast", [20.0, 1.6], 2, phase);
-        let found = controller::matches(&machine, AxisId::X, &run)[0];
+        let found = controller::explained(&machine, AxisId::X, &[run])[0][0];
         assert_eq!((found.phase, found.late), (phase, 2), "{found:?}");
+        assert_eq!(found.velocity_estimate, machine.axes[AxisId::X].velocity_estimate);
     }
 }
 
@@ -317,6 +319,32 @@ fn rows_in_motion_lead_from_a_file_a_quarter_off_to_its_machine() {
 }
 
 #[test]
+fn velocities_are_estimated_as_the_current_tells() {
+    let filed = config::load("paper").expect("a machine");
+    let plant = filed.axes[AxisId::X].plant;
+    for (name, estimate) in VelocityEstimate::NAMED {
+        let mut machine = filed.clone();
+        machine.axes[AxisId::X].velocity_estimate = estimate;
+        let runs = [circle(&machine, &plant, "fast", [20.0, 1.6], 2, 0)];
+        let found = controller::explained(&filed, AxisId::X, &runs)[0][0];
+        assert_eq!(found.velocity_estimate, estimate, "{found:?}");
+        // What the integral is off by when a velocity is seen half a period earlier, the position makes up for.
+        let left_m = |problem: &Problem<'_>| {
+            let made = problem.simulated(0, &Model::new(plant)).following_error_m;
+            let measured = &problem.data[0].measured.following_error_m;
+            // Where it began with the noise of a current has faded.
+            let off_m = measured.iter().zip(&made).skip(made.len() / 2).map(|(is, made)| (is - made).abs());
+            off_m.fold(0.0, f64::max)
+        };
+        let problem = || problem_of(&filed, &runs, &repeats(&runs), AxisId::X, 0, &[0]);
+        let seeing_m = left_m(&problem().seeing(found.velocity_estimate));
+        assert!(seeing_m < 1e-9, "{name}: {seeing_m} m");
+        let is_filed = estimate == filed.axes[AxisId::X].velocity_estimate;
+        assert!(is_filed || left_m(&problem()) > 1e-6, "{name}: {} m", left_m(&problem()));
+    }
+}
+
+#[test]
 fn nor_does_a_lag() {
     let mut machine = config::load("paper").expect("a machine");
     machine.axes[AxisId::X].control.gain_sets[0].position.velocity_feed_forward = 0.6;
@@ -324,7 +352,7 @@ fn nor_does_a_lag() {
     let slow = machine.axes[AxisId::X].plant.with_effect(lag, [1200.0, 0.0, 0.0]);
     for phase in [0, 2] {
         let run = circle(&machine, &slow, "fast", [20.0, 1.6], 2, phase);
-        let found = controller::matches(&machine, AxisId::X, &run)[0];
+        let found = controller::explained(&machine, AxisId::X, &[run])[0][0];
         assert_eq!(found.phase, phase, "{found:?}");
     }
 }
@@ -366,10 +394,7 @@ fn runs_with_other_gains_are_refused_by_name() {
 fn gains_that_nobody_names_are_those_of_the_current() {
     let machine = config::load("paper").expect("a machine");
     let runs = runs(&machine, None);
-    let found = |machine: &Machine| {
-        let matches: Vec<_> = runs.iter().map(|run| controller::matches(machine, AxisId::X, run)).collect();
-        by_the_current(&matches)
-    };
+    let found = |machine: &Machine| by_the_current(&controller::explained(machine, AxisId::X, &runs));
     assert_eq!(found(&machine), 0);
     let mut turned = machine.clone();
     turned.axes[AxisId::X].control.gain_sets.swap(0, 1);

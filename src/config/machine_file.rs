@@ -160,14 +160,7 @@ fn axis(section: Section<'_>, cycle: &Cycle, sets: &[String], shelf: &Shelf<'_>)
     let actuator = actuator(&drive);
     let current_noise = Current::a(drive.number("current-noise-a-rms", 0.0..=1_000.0, "A"));
     let encoder = section.section("motor-encoder");
-    let velocity_estimate = encoder.choice(
-        "velocity-estimate",
-        &[
-            ("difference", VelocityEstimate::Difference),
-            ("second-order", VelocityEstimate::SecondOrder),
-            ("mean", VelocityEstimate::Mean),
-        ],
-    );
+    let velocity_estimate = encoder.choice("velocity-estimate", &VelocityEstimate::NAMED);
     let table = section.optional_section("table-scale");
     let senses = (sense(&encoder), table.as_ref().map_or(Sense::Along, sense));
     let sheet = sheet(board, encoder, table, &actuator, shelf);

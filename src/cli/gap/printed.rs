@@ -83,6 +83,9 @@ struct Axis {
     seen_from: BTreeMap<&'static str, Option<BTreeMap<&'static str, f64>>>,
     /// What the loops alone do not explain of the current.
     controller_left_share: Option<f64>,
+    /// How they see the velocity; and how the machine file says that they do, where that is another way.
+    velocity_estimate: &'static str,
+    velocity_estimate_filed: Option<&'static str>,
     /// Whether the noise of each signal is known from repeats; otherwise it is a lower bound.
     is_floor_from_repeats: BTreeMap<&'static str, bool>,
 }
@@ -166,6 +169,8 @@ impl Printed {
                 evidence: candidate.evidence,
                 failed: candidate.failed.clone(),
             });
+            let filed = machine.axes[axis.id].velocity_estimate;
+            let seen = axis.controller.map_or(filed, |found| found.velocity_estimate);
             let printed = Axis {
                 verdict: axis.verdict,
                 base: axis
@@ -194,6 +199,8 @@ impl Printed {
                 refused: refused.collect(),
                 seen_from: axis.named.smallest.iter().map(seen_from).collect(),
                 controller_left_share: axis.controller.map(|found| found.left_share),
+                velocity_estimate: seen.name(),
+                velocity_estimate_filed: (seen != filed).then_some(filed.name()),
                 is_floor_from_repeats: SIGNALS
                     .iter()
                     .zip(&axis.problem.noises)
@@ -239,6 +246,13 @@ impl Printed {
         let mut text = format!("runs under gain set \"{}\"\n", self.gains);
         for (name, axis) in &self.axes {
             let _ = writeln!(text, "axis {name}: {}", axis.verdict);
+            if let Some(filed) = axis.velocity_estimate_filed {
+                let seen = axis.velocity_estimate;
+                let _ = writeln!(
+                    text,
+                    "  its loops estimate the velocity by \"{seen}\": the current is not that of \"{filed}\", as the file says"
+                );
+            }
             let mut table = table(&["rms", "unit", "as filed", "base fitted", "with effects", "noise"]);
             for signal in &axis.gap {
                 let values = [signal.file, signal.before, signal.after, signal.floor];

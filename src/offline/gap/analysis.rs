@@ -8,7 +8,7 @@ use thiserror::Error;
 
 use super::consequence::{Consequence, consequence};
 use super::contour::{Contour, contours};
-use super::controller::{self, Match};
+use super::controller::{Match, OTHER, best_gains, explained, left_of};
 use super::floor::{self, Noise};
 use super::forward::{Course, Signals};
 use super::held::{groups, held_groups};
@@ -27,8 +27,6 @@ use crate::rt::wire::scaling::TravelCounts;
 const LEAST: [f64; SIGNALS.len()] = [2e-9, 2e-9, 2e-3];
 /// A run of laps is judged by its last, by this share of its rows where it has none.
 const HELD_SHARE: f64 = 0.3;
-/// Another gain set explains the current so much better: the wrong one was named.
-const OTHER_GAINS: f64 = 0.5;
 
 /// Why there is no analysis.
 #[derive(Clone, Debug, Error, PartialEq)]
@@ -124,10 +122,7 @@ pub fn analyse<'m>(
         .filter(|id| runs.iter().any(|run| run.axes.contains_key(id)))
         .collect();
     progress("the controller alone");
-    let explained: Vec<Vec<Vec<Match>>> = ids
-        .iter()
-        .map(|id| runs.iter().map(|run| controller::matches(machine, *id, run)).collect())
-        .collect();
+    let explained: Vec<Vec<Vec<Match>>> = ids.iter().map(|id| explained(machine, *id, runs)).collect();
     let gain_set =
         match &request.gains {
             Some(name) => machine.gain_sets.iter().position(|known| known == name).ok_or_else(|| {
@@ -157,6 +152,9 @@ fn axis<'m>(
     let say = |what: &str| progress(&format!("axis {axis_name}: {what}"));
     let (controller, phases) = loops(machine, matches, gain_set, &axis_name)?;
     let mut problem = problem_of(machine, runs, repeats, id, gain_set, &phases);
+    if let Some(found) = &controller {
+        problem = problem.seeing(found.velocity_estimate);
+    }
     let start = Model::new(machine.axes[id].plant);
     let mut named = name::name(&problem, &start, &say);
     if let Some(behind_s) = &named.clocks_behind_s {
@@ -211,18 +209,8 @@ pub fn problem_of<'m>(
 /// The gain set whose loops explain the current of an axis, by what they leave of each run; the first where that of others
 /// says no more.
 pub fn by_the_current(all: &[Vec<Match>]) -> u8 {
-    let sets = all.iter().flatten().map(|found| found.gain_set);
-    let best = sets.min_by(|a, b| left_of(all, *a).total_cmp(&left_of(all, *b))).unwrap_or_default();
-    if left_of(all, best) < OTHER_GAINS * left_of(all, 0) { best } else { 0 }
-}
-
-/// What the loops of a gain set leave of the current of a run, as a share of it, on average.
-fn left_of(all: &[Vec<Match>], set: u8) -> f64 {
-    let of = |matches: &Vec<Match>| {
-        matches.iter().find(|found| found.gain_set == set).map(|found| found.left_share)
-    };
-    let count = all.iter().filter(|matches| !matches.is_empty()).count().max(1) as f64;
-    all.iter().filter_map(of).sum::<f64>() / count
+    let best = best_gains(all);
+    if left_of(all, best) < OTHER * left_of(all, 0) { best } else { 0 }
 }
 
 /// How well the loops explain the current, and in which row of each run the position loop acts first.
@@ -237,7 +225,7 @@ fn loops(
     let left = left_of(all, gain_set);
     for other in (0..machine.gain_sets.len() as u8).filter(|other| *other != gain_set) {
         let other_left = left_of(all, other);
-        if other_left < OTHER_GAINS * left && other_left < 0.1 {
+        if other_left < OTHER * left && other_left < 0.1 {
             return Err(GapError::OtherGains {
                 axis: axis.to_owned(),
                 asked: machine.gain_sets[usize::from(gain_set)].clone(),

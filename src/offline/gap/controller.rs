@@ -5,6 +5,8 @@
 
 use std::collections::VecDeque;
 
+use rayon::prelude::*;
+
 use super::forward::{SETTLE_S, setpoints};
 use super::runs::{AxisRun, Run};
 use crate::base::axis::AxisId;
@@ -16,18 +18,22 @@ use crate::offline::closed_axis::gains_of;
 use crate::plant::effects::control::Remembered;
 use crate::rt::control::{AxisLoop, Settings};
 use crate::rt::drive::sheet::CommandApplies;
-use crate::rt::drive::velocity::VelocityEstimator;
+use crate::rt::drive::velocity::{VelocityEstimate, VelocityEstimator};
 
 /// Latest that a current is looked for behind what the loops ask for, and lags that it may have beside, in ticks.
 const LATE_MAX: usize = 8;
 const LAGS: [f64; 7] = [0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 5.0];
+
+/// Loops that leave less of the current than this are those of the file; others must leave this share of what they leave.
+const WELL: f64 = 0.1;
+pub(super) const OTHER: f64 = 0.5;
 
 /// What the loops ask for along measured positions, behind the way of a command to the drive and the lag of the current
 /// loop, A.
 fn replayed(
     machine: &Machine,
     id: AxisId,
-    gain_set: u8,
+    (gain_set, estimate): (u8, VelocityEstimate),
     (run, setpoints): (&AxisRun, &[Setpoint]),
     phase: usize,
 ) -> Vec<f64> {
@@ -39,7 +45,7 @@ fn replayed(
     let mut remembered = Remembered::default();
     settings.gain_sets[0] = gains_of(&otherwise, axis.control.gain_sets[usize::from(gain_set)]);
     let mut loops = AxisLoop::new(&settings);
-    let mut estimator = VelocityEstimator::new(axis.velocity_estimate, tick);
+    let mut estimator = VelocityEstimator::new(estimate, tick);
     let keep = (-tick.as_s() / axis.plant.actuator.lag_s()).exp();
     let applies = usize::from(axis.sheet.command_applies == CommandApplies::OnNextSync);
     let late = applies + (axis.plant.actuator.dead_time / tick) as usize;
@@ -84,6 +90,8 @@ fn replayed(
 pub struct Match {
     /// Which gains.
     pub gain_set: u8,
+    /// How they see the velocity.
+    pub velocity_estimate: VelocityEstimate,
     /// In which row the position loop acts first.
     pub phase: usize,
     /// By how many ticks the current comes later than is known.
@@ -120,15 +128,47 @@ fn lagged(asked_a: &[f64], lag: f64) -> Vec<f64> {
     asked_a.iter().map(of).collect()
 }
 
+/// How well loops explain the current of an axis in each run, with velocities estimated as the machine file says; or where that
+/// leaves much and another estimate does not, with that one: by half a period the integral of the velocity is off in proportion to it.
+pub fn explained(machine: &Machine, id: AxisId, runs: &[Run]) -> Vec<Vec<Match>> {
+    let of = |estimate: VelocityEstimate| -> Vec<Vec<Match>> {
+        runs.par_iter().map(|run| matches(machine, id, run, estimate)).collect()
+    };
+    let left = |all: &[Vec<Match>]| left_of(all, best_gains(all));
+    let filed = machine.axes[id].velocity_estimate;
+    let as_filed = of(filed);
+    if left(&as_filed) < WELL {
+        return as_filed;
+    }
+    let others = VelocityEstimate::NAMED.iter().filter(|(_, estimate)| *estimate != filed);
+    let best = others.map(|(_, estimate)| of(*estimate)).min_by(|a, b| left(a).total_cmp(&left(b)));
+    best.filter(|best| left(best) < OTHER * left(&as_filed)).unwrap_or(as_filed)
+}
+
+/// The gain set that leaves least of the current.
+pub(super) fn best_gains(all: &[Vec<Match>]) -> u8 {
+    let sets = all.iter().flatten().map(|found| found.gain_set);
+    sets.min_by(|a, b| left_of(all, *a).total_cmp(&left_of(all, *b))).unwrap_or_default()
+}
+
+/// What the loops of a gain set leave of the current of a run, as a share of it, on average.
+pub(super) fn left_of(all: &[Vec<Match>], set: u8) -> f64 {
+    let of = |matches: &Vec<Match>| {
+        matches.iter().find(|found| found.gain_set == set).map(|found| found.left_share)
+    };
+    let count = all.iter().filter(|matches| !matches.is_empty()).count().max(1) as f64;
+    all.iter().filter_map(of).sum::<f64>() / count
+}
+
 /// The best of all gain sets and phases first. Delays and lags that are not known must not pass for another phase: each
 /// is held against the current that came so many ticks later.
-pub fn matches(machine: &Machine, id: AxisId, run: &Run) -> Vec<Match> {
+pub fn matches(machine: &Machine, id: AxisId, run: &Run, velocity_estimate: VelocityEstimate) -> Vec<Match> {
     let Some(axis) = run.axes.get(&id) else { return Vec::new() };
     let setpoints = setpoints(axis, run.period_s);
     let mut all = Vec::new();
     for gain_set in 0..machine.gain_sets.len() {
         for phase in 0..machine.cycle.position_every as usize {
-            let asked = replayed(machine, id, gain_set as u8, (axis, &setpoints), phase);
+            let asked = replayed(machine, id, (gain_set as u8, velocity_estimate), (axis, &setpoints), phase);
             let left = LAGS.into_iter().flat_map(|lag| {
                 let lagged = lagged(&asked, lag);
                 (0..=LATE_MAX).map(move |late| (late, left_share(run, axis, &lagged, late)))
@@ -136,6 +176,7 @@ pub fn matches(machine: &Machine, id: AxisId, run: &Run) -> Vec<Match> {
             let best = left.min_by(|a, b| a.1.total_cmp(&b.1));
             all.extend(best.map(|(late, left_share)| Match {
                 gain_set: gain_set as u8,
+                velocity_estimate,
                 phase,
                 late,
                 left_share,

@@ -20,7 +20,9 @@ use super::linear::{K, Linear, Steps, residuals};
 use super::model::Model;
 use super::near::{Near, is_alias, margin};
 use super::problem::{Part, Problem};
-use super::refit::{ITERATIONS, base_refitted, coarsely, coarsely_from, ended, is_far, refitted, scale};
+use super::refit::{
+    ITERATIONS, REACH, base_refitted, coarsely, coarsely_from, ended, is_far, refitted, scale,
+};
 use super::shortlist::{Scored, Smallest, shortlist};
 use super::spectrum::Peaks;
 use crate::plant::effects::{Experiment, entry};
@@ -126,8 +128,8 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
     if let Some(behind_s) = &clocks_behind_s {
         problem = problem.with_clocks(behind_s);
     }
-    let (problem, once) = (&problem, problem.first_passes());
-    let (mut model, mut blocks) = (coarse.clone(), Blocks::new(problem, &coarse.model));
+    let mut once = problem.first_passes();
+    let (mut model, mut blocks) = (coarse.clone(), Blocks::new(&problem, &coarse.model));
     let mut alone_held = blocks.cost();
     // The base at its bottom, which is known where a name was put to the test.
     let mut base: Option<Fitted> = None;
@@ -136,12 +138,12 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
     let (mut refused, mut smallest) = (Vec::new(), Vec::new());
     while effects.len() < EFFECTS_MAX {
         progress("looking for what is missing");
-        let louder = Louder::for_what_is_left(problem, &model.model, [start, &coarse.model]);
+        let louder = Louder::for_what_is_left(&problem, &model.model, [start, &coarse.model]);
         let (search, searched, at, judged) = match &louder {
             Some(louder) => {
                 (&louder.problem, &louder.once, &louder.fitted, (&louder.blocks, louder.alone_held))
             }
-            None => (problem, &once, &model, (&blocks, alone_held)),
+            None => (&problem, &once, &model, (&blocks, alone_held)),
         };
         let judged = (judged.0, judged.1 - judged.0.cost());
         let peaks = Peaks::new(search, &at.model);
@@ -160,7 +162,7 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
         // With louder noise it is fitted to the bottom when it has been chosen.
         let refit = |model: &Model| match &louder {
             Some(louder) => coarsely_from(&louder.problem, &louder.once, model, start),
-            None => refitted(problem, &once, model, start),
+            None => refitted(&problem, &once, model, start),
         };
         // Of all rows, where anything is to be fitted to them.
         let mut here = None;
@@ -188,10 +190,10 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
         // What is far was fitted by all ways already.
         let to_the_bottom = |candidate: &Candidate| match &louder {
             Some(louder) if is_far(&candidate.fitted, &louder.fitted) => {
-                fit(problem, &candidate.fitted.model, Effort::Fine, None)
+                fit(&problem, &candidate.fitted.model, Effort::Fine, None)
             }
             None if is_far(&candidate.fitted, &model) => candidate.fitted.clone(),
-            _ => refitted(problem, &once, &candidate.fitted.model, start),
+            _ => refitted(&problem, &once, &candidate.fitted.model, start),
         };
         let Near { mut class, model: bottom, told_apart } = Near::of(near, &to_the_bottom, &model, rows[0]);
         let best = class[0].clone();
@@ -212,11 +214,11 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
         let all: f64 = weights.iter().sum();
         let class = class.into_iter().zip(weights.iter().map(|weight| weight / all)).collect();
         let before = std::mem::replace(&mut model, bottom);
-        blocks = Blocks::new(problem, &model.model);
+        blocks = Blocks::new(&problem, &model.model);
         effects.push(NamedEffect { name: best.name(), class, runner_up });
         // On its way to the effect the base may have left a valley in which the fit without it was held up: what is
         // gained is what is lost again without it, from here.
-        let test = Without::of(problem, &once, &model, effects.len() - 1, [start, &coarse.model]);
+        let test = Without::of(&problem, &once, &model, effects.len() - 1, [start, &coarse.model]);
         if effects.len() == 1 {
             base = Some(test.fitted.clone());
         }
@@ -235,12 +237,20 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
             if effects.is_empty() {
                 alone_held = blocks.cost();
             }
+        } else if is_far(&model, &before) {
+            progress(&format!("{}: how large is it?", best.name()));
+            // Rows weigh by where the base alone is straight: beside a large effect others are.
+            problem = problem.where_straight(&model.model, REACH, 0);
+            once = problem.first_passes();
+            model = refitted(&problem, &once, &model.model, start);
+            blocks = Blocks::new(&problem, &model.model);
+            alone_held = Blocks::new(&problem, &coarse.model).cost();
         }
     }
     // Backwards: what came first may have stood for what came later.
     let mut place = 0;
     while effects.len() > 1 && place + 1 < effects.len() {
-        let test = Without::of(problem, &once, &model, place, [start, &coarse.model]);
+        let test = Without::of(&problem, &once, &model, place, [start, &coarse.model]);
         if test.shows_need(&model, &blocks, place, rows) {
             place += 1;
         } else {
@@ -250,8 +260,12 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
         }
     }
     progress("fitting the base model to the end");
-    let base = base.unwrap_or_else(|| fit(problem, &coarse.model, Effort::Fine, None));
-    let base_blocks = Blocks::new(problem, &base.model);
+    let base = match base {
+        // Weighed as all that is compared with it.
+        Some(base) => fit(&problem, &base.model, Effort::Coarse(0), None),
+        None => fit(&problem, &coarse.model, Effort::Fine, None),
+    };
+    let base_blocks = Blocks::new(&problem, &base.model);
     if effects.is_empty() {
         (model, blocks) = (base.clone(), base_blocks.clone());
     }

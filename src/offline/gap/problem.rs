@@ -19,6 +19,7 @@ use crate::base::axis::AxisId;
 use crate::base::time::Span;
 use crate::config::Machine;
 use crate::config::machine::Axis;
+use crate::rt::drive::velocity::VelocityEstimate;
 
 /// The signals of an axis, with their names and units.
 pub const SIGNALS: [(&str, &str, Pick); 3] = [
@@ -160,6 +161,13 @@ impl<'m> Problem<'m> {
             ..data.clone()
         };
         self.with_data(Arc::new(self.data.iter().zip(behind_s).map(set).collect()))
+    }
+
+    /// The same with loops that see the velocity another way.
+    #[must_use]
+    pub fn seeing(mut self, velocity_estimate: VelocityEstimate) -> Self {
+        self.axis.velocity_estimate = velocity_estimate;
+        self
     }
 
     /// The same axis with other data.

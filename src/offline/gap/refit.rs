@@ -18,7 +18,7 @@ const SAME: f64 = 1e-3;
 /// the other, and each frequency has a valley of its own.
 const TUNED: [f64; 2] = [0.6, -0.6];
 /// Within how many priors a model must be straight for what is named and judged.
-const REACH: f64 = 0.1;
+pub(super) const REACH: f64 = 0.1;
 /// What leaves less than this share of what was left is fitted to the bottom.
 const FAR: f64 = 0.95;
 

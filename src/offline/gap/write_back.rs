@@ -61,6 +61,10 @@ pub fn put(
                 file.set(&format!("axis.{name}.{section}.{key}"), rounded(value))?;
             }
         }
+        let seen = axis.controller.map(|found| found.velocity_estimate);
+        if let Some(seen) = seen.filter(|seen| *seen != machine.axes[axis.id].velocity_estimate) {
+            file.set(&format!("axis.{name}.motor-encoder.velocity-estimate"), seen.name())?;
+        }
         for section in ["drive", "mechanics", "friction"] {
             let text =
                 format!("fitted with its effects to {}, {}, by {}", origin.runs, origin.date, origin.commit);

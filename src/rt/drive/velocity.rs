@@ -34,6 +34,15 @@ pub enum VelocityEstimate {
 }
 
 impl VelocityEstimate {
+    /// Each with its name in machine files.
+    pub const NAMED: [(&str, Self); 3] =
+        [("difference", Self::Difference), ("second-order", Self::SecondOrder), ("mean", Self::Mean)];
+
+    /// Its name in machine files.
+    pub fn name(self) -> &'static str {
+        Self::NAMED.iter().find(|(_, estimate)| *estimate == self).map_or("", |(name, _)| name)
+    }
+
     /// Frequency response from the true velocity to the estimate. For loop margins
     /// (`offline/margins`).
     pub fn response(self, period: Span, omega_rad_per_s: f64) -> Complex<f64> {
