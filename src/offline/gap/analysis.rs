@@ -8,7 +8,7 @@ use thiserror::Error;
 
 use super::consequence::{Consequence, consequence};
 use super::contour::{Contour, contours};
-use super::controller::{Match, OTHER, best_gains, explained, left_of};
+use super::controller::{Match, OTHER, by_the_current, explained, left_of};
 use super::floor::{self, Noise};
 use super::forward::{Course, Signals};
 use super::held::{groups, held_groups};
@@ -122,17 +122,17 @@ pub fn analyse<'m>(
         .filter(|id| runs.iter().any(|run| run.axes.contains_key(id)))
         .collect();
     progress("the controller alone");
-    let explained: Vec<Vec<Vec<Match>>> = ids.iter().map(|id| explained(machine, *id, runs)).collect();
+    let explained = explained(machine, &ids, runs);
     let gain_set =
         match &request.gains {
             Some(name) => machine.gain_sets.iter().position(|known| known == name).ok_or_else(|| {
                 GapError::NoGains { name: name.clone(), known: machine.gain_sets.join(", ") }
             })? as u8,
-            None => explained.first().map_or(0, |matches| by_the_current(matches)),
+            None => by_the_current(&explained),
         };
     let mut axes = Vec::new();
     for (id, matches) in ids.into_iter().zip(&explained) {
-        axes.push(axis(machine, runs, &repeats, id, (gain_set, matches), progress)?);
+        axes.push(axis(machine, runs, &repeats, id, (gain_set, request.gains.is_some(), matches), progress)?);
     }
     progress("circles, before and after");
     let contours = contours(runs, &axes);
@@ -145,22 +145,22 @@ fn axis<'m>(
     runs: &[Run],
     repeats: &[Repeat],
     id: AxisId,
-    (gain_set, matches): (u8, &[Vec<Match>]),
+    (gain_set, is_named, matches): (u8, bool, &[Vec<Match>]),
     progress: &(dyn Fn(&str) + Sync),
 ) -> Result<AxisGap<'m>, GapError> {
     let axis_name = machine.axis_names()[id.index()].clone();
     let say = |what: &str| progress(&format!("axis {axis_name}: {what}"));
-    let (controller, phases) = loops(machine, matches, gain_set, &axis_name)?;
+    let (controller, phases) = loops(machine, matches, (gain_set, is_named), &axis_name)?;
     let mut problem = problem_of(machine, runs, repeats, id, gain_set, &phases);
     if let Some(found) = &controller {
         problem = problem.seeing(found.velocity_estimate);
     }
     let start = Model::new(machine.axes[id].plant);
-    let mut named = name::name(&problem, &start, &say);
+    let (mut named, weighed) = name::name(&problem, &start, &say);
     if let Some(behind_s) = &named.clocks_behind_s {
         problem = problem.with_clocks(behind_s);
     }
-    let mut gap = gaps(&problem, &start, &named);
+    let mut gap = gaps(&weighed, &start, &named);
     let has_shape = leaves_a_shape(&problem, &named);
     if !named.effects.is_empty() && (has_shape || explains_too_little(&problem, &named)) {
         named.withdraw();
@@ -206,24 +206,18 @@ pub fn problem_of<'m>(
     Problem::new(machine, id, gain_set, data, noises)
 }
 
-/// The gain set whose loops explain the current of an axis, by what they leave of each run; the first where that of others
-/// says no more.
-pub fn by_the_current(all: &[Vec<Match>]) -> u8 {
-    let best = best_gains(all);
-    if left_of(all, best) < OTHER * left_of(all, 0) { best } else { 0 }
-}
-
-/// How well the loops explain the current, and in which row of each run the position loop acts first.
+/// How well the loops explain the current, and in which row of each run the position loop acts first; gains that somebody named must
+/// be those of the data.
 fn loops(
     machine: &Machine,
     all: &[Vec<Match>],
-    gain_set: u8,
+    (gain_set, is_named): (u8, bool),
     axis: &str,
 ) -> Result<(Option<Match>, Vec<usize>), GapError> {
     let own = |matches: &[Match]| matches.iter().find(|found| found.gain_set == gain_set).copied();
     let phases = all.iter().map(|matches| own(matches).map_or(0, |found| found.phase)).collect();
     let left = left_of(all, gain_set);
-    for other in (0..machine.gain_sets.len() as u8).filter(|other| *other != gain_set) {
+    for other in (0..machine.gain_sets.len() as u8).filter(|other| is_named && *other != gain_set) {
         let other_left = left_of(all, other);
         if other_left < OTHER * left && other_left < 0.1 {
             return Err(GapError::OtherGains {

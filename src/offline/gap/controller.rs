@@ -128,25 +128,43 @@ fn lagged(asked_a: &[f64], lag: f64) -> Vec<f64> {
     asked_a.iter().map(of).collect()
 }
 
-/// How well loops explain the current of an axis in each run, with velocities estimated as the machine file says; or where that
-/// leaves much and another estimate does not, with that one: by half a period the integral of the velocity is off in proportion to it.
-pub fn explained(machine: &Machine, id: AxisId, runs: &[Run]) -> Vec<Vec<Match>> {
-    let of = |estimate: VelocityEstimate| -> Vec<Vec<Match>> {
-        runs.par_iter().map(|run| matches(machine, id, run, estimate)).collect()
+/// How well loops explain the current: of each axis, of each run, with velocities estimated as the machine file says; or where that
+/// leaves much on all axes and another estimate does not on one of them, with that one: by half a period the integral of the
+/// velocity is off in proportion to it. What an axis lacks may hide it, as a filter of its commands does; the loops of all are of one kind.
+pub fn explained(machine: &Machine, ids: &[AxisId], runs: &[Run]) -> Vec<Vec<Vec<Match>>> {
+    let of = |estimate: Option<VelocityEstimate>| -> Vec<Vec<Vec<Match>>> {
+        let of_axis = |id: &AxisId| {
+            let estimate = estimate.unwrap_or(machine.axes[*id].velocity_estimate);
+            runs.par_iter().map(|run| matches(machine, *id, run, estimate)).collect()
+        };
+        ids.iter().map(of_axis).collect()
     };
-    let left = |all: &[Vec<Match>]| left_of(all, best_gains(all));
-    let filed = machine.axes[id].velocity_estimate;
-    let as_filed = of(filed);
-    if left(&as_filed) < WELL {
+    let as_filed = of(None);
+    let filed_left = least_left(&as_filed);
+    if filed_left < WELL {
         return as_filed;
     }
-    let others = VelocityEstimate::NAMED.iter().filter(|(_, estimate)| *estimate != filed);
-    let best = others.map(|(_, estimate)| of(*estimate)).min_by(|a, b| left(a).total_cmp(&left(b)));
-    best.filter(|best| left(best) < OTHER * left(&as_filed)).unwrap_or(as_filed)
+    let others = VelocityEstimate::NAMED.iter().map(|(_, estimate)| of(Some(*estimate)));
+    let best = others.min_by(|a, b| least_left(a).total_cmp(&least_left(b)));
+    best.filter(|best| least_left(best) < OTHER * filed_left).unwrap_or(as_filed)
+}
+
+/// What loops leave of the current of the axis that they explain best.
+fn least_left(all: &[Vec<Vec<Match>>]) -> f64 {
+    all.iter().map(|axis| left_of(axis, best_gains(axis))).fold(f64::INFINITY, f64::min)
+}
+
+/// The gain set whose loops explain the current, by the axis that they explain best; the first where that of others says no
+/// more.
+pub fn by_the_current(all: &[Vec<Vec<Match>>]) -> u8 {
+    let left = |axis: &&Vec<Vec<Match>>| left_of(axis, best_gains(axis));
+    let Some(axis) = all.iter().min_by(|a, b| left(a).total_cmp(&left(b))) else { return 0 };
+    let best = best_gains(axis);
+    if left_of(axis, best) < OTHER * left_of(axis, 0) { best } else { 0 }
 }
 
 /// The gain set that leaves least of the current.
-pub(super) fn best_gains(all: &[Vec<Match>]) -> u8 {
+fn best_gains(all: &[Vec<Match>]) -> u8 {
     let sets = all.iter().flatten().map(|found| found.gain_set);
     sets.min_by(|a, b| left_of(all, *a).total_cmp(&left_of(all, *b))).unwrap_or_default()
 }

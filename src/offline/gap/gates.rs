@@ -124,6 +124,11 @@ impl fmt::Display for Gate {
     }
 }
 
+/// Whether rows that judge, mostly those of circles, show an effect if it is there.
+fn shows_where_judged(entry: &Entry) -> bool {
+    matches!(entry.experiment, Experiment::Circles | Experiment::Sweep)
+}
+
 /// Whether the rows that judge say nothing of an effect: on the others it makes plainly more than noise into noise, and
 /// there it makes nothing surely worse. Circles tell little of what the force of the screw does to friction; they tell
 /// of whatever shows at constant velocity.
@@ -135,8 +140,7 @@ pub(super) fn does_not_show_where_judged(
     rows: [usize; 2],
 ) -> bool {
     let per_row = |fitted: &Fitted| fitted.cost / rows[0].max(1) as f64;
-    let shows = matches!(entry.experiment, Experiment::Circles | Experiment::Sweep);
-    !shows
+    !shows_where_judged(entry)
         && per_row(without) > PLAIN * per_row(with)
         && per_row(with) < 1.0
         && !held[1].is_surely_worse_than(held[0])
@@ -154,8 +158,16 @@ pub(super) fn tried(
     rows: [usize; 2],
 ) -> Vec<Candidate> {
     let without_held = blocks_without.cost();
-    // What explains much leads far from where those derivatives hold.
-    let grown = |fitted: Fitted| if is_far(&fitted, without) { refit(&fitted.model) } else { fitted };
+    // What explains much leads far from where those derivatives hold. A further effect that makes rows that judge worse, though they
+    // should show it, only found a valley of the others.
+    let is_of_fit_alone = |fitted: &Fitted| {
+        let of = fitted.model.effects.last().map(|tried| tried.entry);
+        explained > 0.0
+            && of.is_some_and(shows_where_judged)
+            && Blocks::new(problem, &fitted.model).cost() > without_held
+    };
+    let is_worth_it = |fitted: &Fitted| is_far(fitted, without) && !is_of_fit_alone(fitted);
+    let grown = |fitted: Fitted| if is_worth_it(&fitted) { refit(&fitted.model) } else { fitted };
     let both = |model: &Model| {
         let own = grown(fit(problem, model, Effort::Coarse(ITERATIONS[1]), Some(here)));
         // At its bound an effect may be on its way to another, and what leads far may lead to what is alike.

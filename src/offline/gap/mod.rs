@@ -35,6 +35,7 @@ pub mod judged;
 pub mod linear;
 pub mod locate;
 pub mod logged;
+mod louder;
 pub mod model;
 mod motions;
 mod moving;

@@ -14,9 +14,10 @@ use rayon::prelude::*;
 
 use super::blocks::Blocks;
 use super::clocks;
-use super::fit::{Effort, Fitted, believed, fit, knee, total_of};
+use super::fit::{Effort, Fitted, believed, fit, total_of};
 use super::gates::{Candidate, FALL, Gate, HELD_FALL, does_not_show_where_judged, tried};
-use super::linear::{K, Linear, Steps, residuals};
+use super::linear::{Linear, Steps, residuals};
+use super::louder::Louder;
 use super::model::Model;
 use super::near::{Near, is_alias, margin};
 use super::problem::{Part, Problem};
@@ -34,8 +35,6 @@ const FITTED: usize = 6;
 const SHARES: [f64; 2] = [0.1, 0.6];
 /// Iterations of a candidate that is fitted to few rows, before it may be dropped.
 const FEW: usize = 2;
-/// Where the knee of the loss would have to be so many times as far, the search takes noise for louder than it is.
-const LOUDER: f64 = 2.0;
 /// Most effects that are named of an axis.
 const EFFECTS_MAX: usize = 4;
 /// How often the search goes on from a deeper place of the base to which an effect led that is not needed.
@@ -119,8 +118,12 @@ impl NamedEffect {
     }
 }
 
-/// Names what an axis lacks; `progress` is told what is being done.
-pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Sync)) -> Named {
+/// Names what an axis lacks; `progress` is told what is being done. With it the runs as they were weighed in the end.
+pub fn name<'m>(
+    problem: &Problem<'m>,
+    start: &Model,
+    progress: &(dyn Fn(&str) + Sync),
+) -> (Named, Problem<'m>) {
     let rows = [Part::Fit, Part::Held].map(|part| problem.count(part));
     progress("fitting the base model");
     let (mut problem, coarse) = coarsely(problem, start);
@@ -270,38 +273,7 @@ pub fn name(problem: &Problem<'_>, start: &Model, progress: &(dyn Fn(&str) + Syn
         (model, blocks) = (base.clone(), base_blocks.clone());
     }
     let [base_held, held] = [base_blocks, blocks].map(|blocks| blocks.cost());
-    Named { clocks_behind_s, base, base_held, model, held, effects, refused, smallest, rows }
-}
-
-/// A search in which noise counts as louder than it is.
-struct Louder<'m> {
-    problem: Problem<'m>,
-    once: Problem<'m>,
-    fitted: Fitted,
-    blocks: Blocks,
-    /// Cost of the base alone on the rows that judge.
-    alone_held: f64,
-}
-
-impl<'m> Louder<'m> {
-    /// Where a model leaves so much that the bounded loss does not tell which way is down, noise is as loud as makes all but one row
-    /// in a hundred count; nothing where there is little of it.
-    fn for_what_is_left(problem: &Problem<'m>, model: &Model, [start, alone]: [&Model; 2]) -> Option<Self> {
-        let by = knee(&residuals(problem, model, Part::Fit)) / K;
-        if by < LOUDER {
-            return None;
-        }
-        let louder = problem.louder(by);
-        let once = louder.first_passes();
-        // What was named has been fitted to the bottom, and tells which valley it is.
-        let fitted = if model.effects.is_empty() {
-            coarsely_from(&louder, &once, model, start)
-        } else {
-            fit(&louder, model, Effort::Coarse(ITERATIONS[0]), None)
-        };
-        let [blocks, alone] = [&fitted.model, alone].map(|model| Blocks::new(&louder, model));
-        Some(Self { problem: louder, once, fitted, blocks, alone_held: alone.cost() })
-    }
+    (Named { clocks_behind_s, base, base_held, model, held, effects, refused, smallest, rows }, problem)
 }
 
 /// A model where nothing of it is known well yet.

@@ -266,6 +266,18 @@ impl<'m> Problem<'m> {
         Some(noise.rms * ((sum / rows.max(1) as f64).sqrt() / noise.usual).max(1.0))
     }
 
+    /// Noise of a signal on the rows of a part, rms in its unit, where each counts by how little it is left to noise and chance.
+    pub fn floor_as_weighed(&self, signal: usize, part: Part) -> Option<f64> {
+        let noise = self.noises[signal].as_ref()?;
+        let of = |data: &AxisData| -> (f64, usize) {
+            let counting = data.loudness[signal].iter().zip(data.rows(part)).filter(|(_, counts)| **counts);
+            counting.fold((0.0, 0), |(sum, rows), (loud, _)| (sum + loud.powi(-2), rows + 1))
+        };
+        let (sum, rows) = self.data.iter().map(of).fold((0.0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
+        let is_any = rows > 0 && sum > 0.0;
+        Some(if is_any { noise.rms / noise.usual * (rows as f64 / sum).sqrt() } else { noise.rms })
+    }
+
     /// The runs that have rows of a part.
     pub fn places(&self, part: Part) -> Vec<usize> {
         (0..self.data.len()).filter(|place| self.data[*place].has(part)).collect()

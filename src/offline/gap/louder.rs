@@ -1,0 +1,48 @@
+//! Noise taken for louder than it is: where a model leaves so much that a bounded loss does not tell which way is down.
+//!
+//! Invariant: all but one row in a hundred count.
+
+use super::blocks::Blocks;
+use super::fit::{Effort, Fitted, fit, knee};
+use super::linear::{K, residuals};
+use super::model::Model;
+use super::problem::{Part, Problem};
+use super::refit::{ITERATIONS, coarsely_from};
+
+/// Where the knee of the loss would have to be so many times as far, the search takes noise for louder than it is.
+const LOUDER: f64 = 2.0;
+
+/// A search in which noise counts as louder than it is.
+pub(super) struct Louder<'m> {
+    pub(super) problem: Problem<'m>,
+    pub(super) once: Problem<'m>,
+    pub(super) fitted: Fitted,
+    pub(super) blocks: Blocks,
+    /// Cost of the base alone on the rows that judge.
+    pub(super) alone_held: f64,
+}
+
+impl<'m> Louder<'m> {
+    /// Where a model leaves so much that the bounded loss does not tell which way is down, noise is as loud as makes all but one row
+    /// in a hundred count; nothing where there is little of it.
+    pub(super) fn for_what_is_left(
+        problem: &Problem<'m>,
+        model: &Model,
+        [start, alone]: [&Model; 2],
+    ) -> Option<Self> {
+        let by = knee(&residuals(problem, model, Part::Fit)) / K;
+        if by < LOUDER {
+            return None;
+        }
+        let louder = problem.louder(by);
+        let once = louder.first_passes();
+        // What was named has been fitted to the bottom, and tells which valley it is.
+        let fitted = if model.effects.is_empty() {
+            coarsely_from(&louder, &once, model, start)
+        } else {
+            fit(&louder, model, Effort::Coarse(ITERATIONS[0]), None)
+        };
+        let [blocks, alone] = [&fitted.model, alone].map(|model| Blocks::new(&louder, model));
+        Some(Self { problem: louder, once, fitted, blocks, alone_held: alone.cost() })
+    }
+}
