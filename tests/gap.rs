@@ -276,8 +276,7 @@ fn rows_in_which_the_table_breaks_away_count_less_until_friction_is_known() {
     let problem = problem_of(&machine, &runs, &repeats(&runs), AxisId::X, 0, &[0]);
     let louder = |reach: f64| -> Vec<f64> {
         let straight = problem.where_straight(&Model::new(plant), reach, 0);
-        let [before, after] = [&problem, &straight].map(|problem| &problem.data[0].loudness[0]);
-        after.iter().zip(before).map(|(after, before)| after / before).collect()
+        problem.told(0, 0, &straight).map(|told| told.sqrt().recip()).collect()
     };
     // The second lap of a sine: it reverses at a quarter and three quarters, and slides at once in between.
     let row = |turns: f64| (2.4 * turns * ROWS_PER_S) as usize;

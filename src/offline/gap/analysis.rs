@@ -160,7 +160,7 @@ fn axis<'m>(
     if let Some(behind_s) = &named.clocks_behind_s {
         problem = problem.with_clocks(behind_s);
     }
-    let mut gap = gaps(&weighed, &start, &named);
+    let mut gap = gaps(&problem, &weighed, &start, &named);
     let has_shape = leaves_a_shape(&problem, &named);
     if !named.effects.is_empty() && (has_shape || explains_too_little(&problem, &named)) {
         named.withdraw();

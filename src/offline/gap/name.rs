@@ -162,8 +162,11 @@ pub fn name<'m>(
             |one: Smallest| Smallest { amplitude: one.amplitude.map(|amplitude| amplitude / more), ..one };
         smallest = listed.smallest.into_iter().map(by_all).collect();
         let mut candidates = Vec::new();
-        // With louder noise it is fitted to the bottom when it has been chosen.
+        let is_first = effects.is_empty();
+        // With louder noise it is fitted to the bottom when it has been chosen, and so is what comes beside what was named: that
+        // tells which valley it is.
         let refit = |model: &Model| match &louder {
+            _ if !is_first => fit(search, &ended(searched, model), Effort::Coarse(ITERATIONS[0]), None),
             Some(louder) => coarsely_from(&louder.problem, &louder.once, model, start),
             None => refitted(&problem, &once, model, start),
         };
@@ -192,6 +195,7 @@ pub fn name<'m>(
         progress(&format!("{best_name}: is it needed?"));
         // What is far was fitted by all ways already.
         let to_the_bottom = |candidate: &Candidate| match &louder {
+            _ if !is_first => fit(&problem, &candidate.fitted.model, Effort::Fine, None),
             Some(louder) if is_far(&candidate.fitted, &louder.fitted) => {
                 fit(&problem, &candidate.fitted.model, Effort::Fine, None)
             }
@@ -245,7 +249,11 @@ pub fn name<'m>(
             // Rows weigh by where the base alone is straight: beside a large effect others are.
             problem = problem.where_straight(&model.model, REACH, 0);
             once = problem.first_passes();
-            model = refitted(&problem, &once, &model.model, start);
+            model = if is_first {
+                refitted(&problem, &once, &model.model, start)
+            } else {
+                fit(&problem, &model.model, Effort::Fine, None)
+            };
             blocks = Blocks::new(&problem, &model.model);
             alone_held = Blocks::new(&problem, &coarse.model).cost();
         }

@@ -257,25 +257,31 @@ impl<'m> Problem<'m> {
 
     /// Noise of a signal on the rows of a part, rms in its unit: that of usual rows, or where the part is louder as much more.
     pub fn floor(&self, signal: usize, part: Part) -> Option<f64> {
-        let noise = self.noises[signal].as_ref()?;
-        let of = |data: &AxisData| -> (f64, usize) {
-            let counting = data.loudness[signal].iter().zip(data.rows(part)).filter(|(_, counts)| **counts);
-            counting.fold((0.0, 0), |(sum, rows), (loud, _)| (sum + loud * loud, rows + 1))
-        };
-        let (sum, rows) = self.data.iter().map(of).fold((0.0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
-        Some(noise.rms * ((sum / rows.max(1) as f64).sqrt() / noise.usual).max(1.0))
+        self.floor_of_told(signal, part, self)
     }
 
-    /// Noise of a signal on the rows of a part, rms in its unit, where each counts by how little it is left to noise and chance.
-    pub fn floor_as_weighed(&self, signal: usize, part: Part) -> Option<f64> {
+    /// The same where rows count as much as they tell in `weighed`, which is of the same runs.
+    pub fn floor_of_told(&self, signal: usize, part: Part, weighed: &Self) -> Option<f64> {
         let noise = self.noises[signal].as_ref()?;
-        let of = |data: &AxisData| -> (f64, usize) {
-            let counting = data.loudness[signal].iter().zip(data.rows(part)).filter(|(_, counts)| **counts);
-            counting.fold((0.0, 0), |(sum, rows), (loud, _)| (sum + loud.powi(-2), rows + 1))
-        };
-        let (sum, rows) = self.data.iter().map(of).fold((0.0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
-        let is_any = rows > 0 && sum > 0.0;
-        Some(if is_any { noise.rms / noise.usual * (rows as f64 / sum).sqrt() } else { noise.rms })
+        let (mut sum, mut weights) = (0.0, 0.0);
+        for (place, data) in self.data.iter().enumerate() {
+            let told = self.told(place, signal, weighed);
+            for ((loud, told), counts) in data.loudness[signal].iter().zip(told).zip(data.rows(part)) {
+                if *counts {
+                    sum += told * loud * loud;
+                    weights += told;
+                }
+            }
+        }
+        let louder = (sum / f64::max(weights, f64::MIN_POSITIVE)).sqrt() / noise.usual;
+        Some(noise.rms * louder.max(1.0))
+    }
+
+    /// How much of each row of a run is not left to chance, as a share of its power: what `weighed` takes for louder than its noise is
+    /// what a slip does that comes a moment earlier or later.
+    pub fn told(&self, place: usize, signal: usize, weighed: &Self) -> impl Iterator<Item = f64> {
+        let [noise, all] = [self, weighed].map(|problem| &problem.data[place].loudness[signal]);
+        noise.iter().zip(all).map(|(noise, all)| (noise / all).powi(2))
     }
 
     /// The runs that have rows of a part.

@@ -90,29 +90,34 @@ impl SignalGap {
     }
 }
 
-/// Rms of what models leave of the rows that were not fitted, each row weighed by how little it is left to chance: in
-/// `weighed` rows count as much as they tell. Where a table creeps, a slip comes a moment earlier or later whatever the model is, and one
-/// of them outweighs a minute.
-pub(super) fn gaps(weighed: &Problem<'_>, file: &Model, named: &Named) -> Vec<SignalGap> {
+/// Rms of what models leave of the rows that were not fitted, each row weighed by how little of it is left to chance in
+/// `weighed`. Where a table creeps, a slip comes a moment earlier or later whatever the model is, and one of them outweighs a minute.
+pub(super) fn gaps(
+    problem: &Problem<'_>,
+    weighed: &Problem<'_>,
+    file: &Model,
+    named: &Named,
+) -> Vec<SignalGap> {
     let rms = |model: &Model| -> [f64; SIGNALS.len()] {
         let (mut sums, mut weights) = ([0.0; SIGNALS.len()], [0.0; SIGNALS.len()]);
-        for place in weighed.places(Part::Held) {
-            let (data, simulated) = (&weighed.data[place], weighed.simulated(place, model));
+        for place in problem.places(Part::Held) {
+            let simulated = problem.simulated(place, model);
             for (signal, (_, _, pick)) in SIGNALS.iter().enumerate() {
-                let left = weighed.left(place, &simulated, *pick, Part::Held);
-                for ((value, loud), counts) in left.iter().zip(&data.loudness[signal]).zip(&data.held) {
+                let left = problem.left(place, &simulated, *pick, Part::Held);
+                let told = problem.told(place, signal, weighed);
+                for ((value, told), counts) in left.iter().zip(told).zip(&problem.data[place].held) {
                     if *counts {
-                        sums[signal] += (value / loud).powi(2);
-                        weights[signal] += loud.powi(-2);
+                        sums[signal] += told * value * value;
+                        weights[signal] += told;
                     }
                 }
             }
         }
-        std::array::from_fn(|signal| (sums[signal] / weights[signal].max(f64::MIN_POSITIVE)).sqrt())
+        std::array::from_fn(|signal| (sums[signal] / f64::max(weights[signal], f64::MIN_POSITIVE)).sqrt())
     };
     let [file, before, after] = [file, &named.base.model, &named.model.model].map(rms);
     let of = |signal: usize| {
-        let floor = weighed.floor_as_weighed(signal, Part::Held)?;
+        let floor = problem.floor_of_told(signal, Part::Held, weighed)?;
         let (name, factor, unit) = shown(signal);
         Some(SignalGap {
             signal: name,
