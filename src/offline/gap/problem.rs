@@ -279,7 +279,12 @@ impl<'m> Problem<'m> {
 
     /// How much of each row of a run is not left to chance, as a share of its power: what `weighed` takes for louder than its noise is
     /// what a slip does that comes a moment earlier or later.
-    pub fn told(&self, place: usize, signal: usize, weighed: &Self) -> impl Iterator<Item = f64> {
+    pub fn told<'a>(
+        &'a self,
+        place: usize,
+        signal: usize,
+        weighed: &'a Self,
+    ) -> impl Iterator<Item = f64> + 'a {
         let [noise, all] = [self, weighed].map(|problem| &problem.data[place].loudness[signal]);
         noise.iter().zip(all).map(|(noise, all)| (noise / all).powi(2))
     }
