@@ -187,6 +187,20 @@ fn energy_is_balanced_through_a_reversal() {
 }
 
 #[test]
+fn any_delay_fits_beside_the_longest_dead_time_in_the_shortest_cycle() {
+    let cycle = Span::us(50);
+    let mut axis = paper_axis();
+    axis.actuator.dead_time = cycle * FILE_DEAD_TICKS_MAX as i64;
+    let entry = effects::entry("actuator-delay").expect("an effect");
+    let mut plant = Plant::new(&axis.with_effect(entry, [entry.parameters[0].bounds[1], 0.0, 0.0]), cycle);
+    let ticks = (0..DEAD_TICKS_MAX).take_while(|_| {
+        plant.step(Current::a(5.0));
+        plant.state().current == Current::a(0.0)
+    });
+    assert_eq!(ticks.count(), 120, "20 of the file and 100 of the effect");
+}
+
+#[test]
 fn dead_time_shifts_the_motion_and_changes_nothing_else() {
     let mut late = paper_axis();
     late.friction = friction::Parameters::NONE;

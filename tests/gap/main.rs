@@ -2,6 +2,8 @@
 //! nothing is named.
 #![cfg(feature = "offline")]
 
+mod loops;
+
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 use std::fmt::Write;
@@ -240,35 +242,6 @@ fn rows_that_judge_say_by_themselves_whether_they_have_it() {
 }
 
 #[test]
-fn the_row_in_which_the_position_loop_acts_is_found() {
-    for (name, feed_forward) in [("paper", 0.0), ("reference", 0.0), ("paper", 0.6)] {
-        let mut machine = config::load(name).expect("a machine");
-        machine.axes[AxisId::X].control.gain_sets[0].position.velocity_feed_forward = feed_forward;
-        let plant = machine.axes[AxisId::X].plant;
-        for phase in [0, 2] {
-            let run = circle(&machine, &plant, "fast", [20.0, 1.6], 2, phase);
-            let found = controller::explained(&machine, &[AxisId::X], &[run])[0][0][0];
-            assert_eq!((found.gain_set, found.phase), (0, phase), "{name}, feed-forward {feed_forward}");
-            // The noise alone is left.
-            assert!(found.left_share < 0.1, "{name}, feed-forward {feed_forward}: {found:?}");
-        }
-    }
-}
-
-#[test]
-fn a_delay_that_is_not_known_of_does_not_pass_for_another_row_of_the_position_loop() {
-    let machine = config::load("paper").expect("a machine");
-    let delay = entry("actuator-delay").expect("an effect");
-    let late = machine.axes[AxisId::X].plant.with_effect(delay, [920.0, 0.0, 0.0]);
-    for phase in [0, 2] {
-        let run = circle(&machine, &late, "fast", [20.0, 1.6], 2, phase);
-        let found = controller::explained(&machine, &[AxisId::X], &[run])[0][0][0];
-        assert_eq!((found.phase, found.late), (phase, 2), "{found:?}");
-        assert_eq!(found.velocity_estimate, machine.axes[AxisId::X].velocity_estimate);
-    }
-}
-
-#[test]
 fn rows_in_which_the_table_breaks_away_count_less_until_friction_is_known() {
     let machine = config::load("paper").expect("a machine");
     let plant = machine.axes[AxisId::X].plant;
@@ -318,45 +291,6 @@ fn rows_in_motion_lead_from_a_file_a_quarter_off_to_its_machine() {
 }
 
 #[test]
-fn velocities_are_estimated_as_the_current_tells() {
-    let filed = config::load("paper").expect("a machine");
-    let plant = filed.axes[AxisId::X].plant;
-    for (name, estimate) in VelocityEstimate::NAMED {
-        let mut machine = filed.clone();
-        machine.axes[AxisId::X].velocity_estimate = estimate;
-        let runs = [circle(&machine, &plant, "fast", [20.0, 1.6], 2, 0)];
-        let found = controller::explained(&filed, &[AxisId::X], &runs)[0][0][0];
-        assert_eq!(found.velocity_estimate, estimate, "{found:?}");
-        // What the integral is off by when a velocity is seen half a period earlier, the position makes up for.
-        let left_m = |problem: &Problem<'_>| {
-            let made = problem.simulated(0, &Model::new(plant)).following_error_m;
-            let measured = &problem.data[0].measured.following_error_m;
-            // Where it began with the noise of a current has faded.
-            let off_m = measured.iter().zip(&made).skip(made.len() / 2).map(|(is, made)| (is - made).abs());
-            off_m.fold(0.0, f64::max)
-        };
-        let problem = || problem_of(&filed, &runs, &repeats(&runs), AxisId::X, 0, &[0]);
-        let seeing_m = left_m(&problem().seeing(found.velocity_estimate));
-        assert!(seeing_m < 1e-9, "{name}: {seeing_m} m");
-        let is_filed = estimate == filed.axes[AxisId::X].velocity_estimate;
-        assert!(is_filed || left_m(&problem()) > 1e-6, "{name}: {} m", left_m(&problem()));
-    }
-}
-
-#[test]
-fn nor_does_a_lag() {
-    let mut machine = config::load("paper").expect("a machine");
-    machine.axes[AxisId::X].control.gain_sets[0].position.velocity_feed_forward = 0.6;
-    let lag = entry("current-loop-lag").expect("an effect");
-    let slow = machine.axes[AxisId::X].plant.with_effect(lag, [1200.0, 0.0, 0.0]);
-    for phase in [0, 2] {
-        let run = circle(&machine, &slow, "fast", [20.0, 1.6], 2, phase);
-        let found = controller::explained(&machine, &[AxisId::X], &[run])[0][0][0];
-        assert_eq!(found.phase, phase, "{found:?}");
-    }
-}
-
-#[test]
 fn a_machine_that_lacks_nothing_gets_its_parameters_right_and_no_name() {
     let machine = config::load("paper").expect("a machine");
     let analysis = analysed(&machine, &runs(&machine, None));
@@ -378,36 +312,6 @@ fn a_machine_that_lacks_nothing_gets_its_parameters_right_and_no_name() {
     let backlash_um = smallest("backlash").expect("circles show it");
     assert!((0.02..1.0).contains(&backlash_um), "{backlash_um} um would have been seen");
     assert_eq!(smallest("squareness"), None, "one axis does not show it");
-}
-
-#[test]
-fn runs_with_other_gains_are_refused_by_name() {
-    let machine = config::load("paper").expect("a machine");
-    let request = Request { gains: Some("optimal".to_owned()), axes: Vec::new() };
-    let refused = analyse(&machine, &runs(&machine, None), &request, &|_| ()).err().expect("a refusal");
-    let GapError::OtherGains { asked, found, .. } = &refused else { panic!("{refused}") };
-    assert_eq!((asked.as_str(), found.as_str()), ("optimal", "standard"));
-}
-
-#[test]
-fn gains_that_nobody_names_are_those_of_the_current() {
-    let machine = config::load("paper").expect("a machine");
-    let runs = runs(&machine, None);
-    let found =
-        |machine: &Machine| controller::by_the_current(&controller::explained(machine, &[AxisId::X], &runs));
-    assert_eq!(found(&machine), 0);
-    let mut turned = machine.clone();
-    turned.axes[AxisId::X].control.gain_sets.swap(0, 1);
-    assert_eq!(found(&turned), 1);
-    // What an axis lacks may hide it there.
-    let mut explained = controller::explained(&turned, &[AxisId::X], &runs);
-    let mut hidden = explained[0].clone();
-    hidden.iter_mut().flatten().for_each(|found| found.left_share = 0.9);
-    explained.insert(0, hidden);
-    assert_eq!(controller::by_the_current(&explained), 1);
-    // What says no more is no reason for another one than the first.
-    turned.axes[AxisId::X].control.gain_sets[0] = turned.axes[AxisId::X].control.gain_sets[1];
-    assert_eq!(found(&turned), 0);
 }
 
 #[test]
