@@ -170,7 +170,7 @@ impl Printed {
                 failed: candidate.failed.clone(),
             });
             let filed = machine.axes[axis.id].velocity_estimate;
-            let seen = axis.controller.map_or(filed, |found| found.velocity_estimate);
+            let other = axis.other_estimate();
             let printed = Axis {
                 verdict: axis.verdict,
                 base: axis
@@ -199,8 +199,8 @@ impl Printed {
                 refused: refused.collect(),
                 seen_from: axis.named.smallest.iter().map(seen_from).collect(),
                 controller_left_share: axis.controller.map(|found| found.left_share),
-                velocity_estimate: seen.name(),
-                velocity_estimate_filed: (seen != filed).then_some(filed.name()),
+                velocity_estimate: other.unwrap_or(filed).name(),
+                velocity_estimate_filed: other.map(|_| filed.name()),
                 is_floor_from_repeats: SIGNALS
                     .iter()
                     .zip(&axis.problem.noises)

@@ -21,6 +21,7 @@ use super::runs::Run;
 use super::verdict::{SignalGap, Verdict, explains_too_little, gaps, leaves_a_shape, verdict};
 use crate::base::axis::AxisId;
 use crate::config::Machine;
+use crate::rt::drive::velocity::VelocityEstimate;
 use crate::rt::wire::scaling::TravelCounts;
 
 /// What no encoder or drive resolves: m, m, A. Below it two formulations of the same physics differ.
@@ -86,6 +87,14 @@ pub struct AxisGap<'m> {
     pub gap: Vec<SignalGap>,
     /// What follows from each effect that was named, in their order.
     pub consequences: Vec<Option<Consequence>>,
+}
+
+impl AxisGap<'_> {
+    /// How its loops see the velocity, where that is not as the machine file says.
+    pub fn other_estimate(&self) -> Option<VelocityEstimate> {
+        let filed = self.problem.machine.axes[self.id].velocity_estimate;
+        self.controller.map(|found| found.velocity_estimate).filter(|seen| *seen != filed)
+    }
 }
 
 /// Everything that was found.

@@ -144,8 +144,11 @@ pub fn explained(machine: &Machine, ids: &[AxisId], runs: &[Run]) -> Vec<Vec<Vec
     if filed_left < WELL {
         return as_filed;
     }
-    let others = VelocityEstimate::NAMED.iter().map(|(_, estimate)| of(Some(*estimate)));
-    let best = others.min_by(|a, b| least_left(a).total_cmp(&least_left(b)));
+    let is_other =
+        |estimate: &VelocityEstimate| ids.iter().any(|id| machine.axes[*id].velocity_estimate != *estimate);
+    let others = VelocityEstimate::NAMED.into_iter().map(|(_, estimate)| estimate).filter(is_other);
+    let best =
+        others.map(|estimate| of(Some(estimate))).min_by(|a, b| least_left(a).total_cmp(&least_left(b)));
     best.filter(|best| least_left(best) < OTHER * filed_left).unwrap_or(as_filed)
 }
 
@@ -180,7 +183,7 @@ pub(super) fn left_of(all: &[Vec<Match>], set: u8) -> f64 {
 
 /// The best of all gain sets and phases first. Delays and lags that are not known must not pass for another phase: each
 /// is held against the current that came so many ticks later.
-pub fn matches(machine: &Machine, id: AxisId, run: &Run, velocity_estimate: VelocityEstimate) -> Vec<Match> {
+fn matches(machine: &Machine, id: AxisId, run: &Run, velocity_estimate: VelocityEstimate) -> Vec<Match> {
     let Some(axis) = run.axes.get(&id) else { return Vec::new() };
     let setpoints = setpoints(axis, run.period_s);
     let mut all = Vec::new();

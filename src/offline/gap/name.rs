@@ -167,8 +167,8 @@ pub fn name<'m>(
         // tells which valley it is.
         let refit = |model: &Model| match &louder {
             _ if !is_first => fit(search, &ended(searched, model), Effort::Coarse(ITERATIONS[0]), None),
-            Some(louder) => coarsely_from(&louder.problem, &louder.once, model, start),
-            None => refitted(&problem, &once, model, start),
+            Some(_) => coarsely_from(search, searched, model, start),
+            None => refitted(search, searched, model, start),
         };
         // Of all rows, where anything is to be fitted to them.
         let mut here = None;
@@ -194,13 +194,14 @@ pub fn name<'m>(
         });
         progress(&format!("{best_name}: is it needed?"));
         // What is far was fitted by all ways already.
-        let to_the_bottom = |candidate: &Candidate| match &louder {
-            _ if !is_first => fit(&problem, &candidate.fitted.model, Effort::Fine, None),
-            Some(louder) if is_far(&candidate.fitted, &louder.fitted) => {
-                fit(&problem, &candidate.fitted.model, Effort::Fine, None)
+        let to_the_bottom = |Candidate { fitted, .. }: &Candidate| {
+            if is_first && !is_far(fitted, at) {
+                refitted(&problem, &once, &fitted.model, start)
+            } else if is_first && louder.is_none() {
+                fitted.clone()
+            } else {
+                fit(&problem, &fitted.model, Effort::Fine, None)
             }
-            None if is_far(&candidate.fitted, &model) => candidate.fitted.clone(),
-            _ => refitted(&problem, &once, &candidate.fitted.model, start),
         };
         let Near { mut class, model: bottom, told_apart } = Near::of(near, &to_the_bottom, &model, rows[0]);
         let best = class[0].clone();

@@ -61,8 +61,7 @@ pub fn put(
                 file.set(&format!("axis.{name}.{section}.{key}"), rounded(value))?;
             }
         }
-        let seen = axis.controller.map(|found| found.velocity_estimate);
-        if let Some(seen) = seen.filter(|seen| *seen != machine.axes[axis.id].velocity_estimate) {
+        if let Some(seen) = axis.other_estimate() {
             file.set(&format!("axis.{name}.motor-encoder.velocity-estimate"), seen.name())?;
         }
         for section in ["drive", "mechanics", "friction"] {
