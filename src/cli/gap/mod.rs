@@ -24,7 +24,7 @@ use crate::log::header::rfc3339;
 use crate::offline::gap::analysis::{Analysis, Request, analyse};
 use crate::offline::gap::runs::Intake;
 use crate::offline::gap::write_back::{self, Origin};
-use crate::offline::gap::{clocks, intake, logged};
+use crate::offline::gap::{clocks, intake, limits, logged};
 use crate::offline::identify::foreign::Raw;
 use crate::offline::report;
 use crate::offline::trace::Trace;
@@ -101,6 +101,14 @@ fn of_data(arguments: &Arguments) -> anyhow::Result<Outcome> {
                 .to_owned(),
         );
     }
+    let lifted = limits::lifted(&machine, &intake.runs);
+    let machine = match lifted {
+        Some((machine, said)) => {
+            intake.repaired.extend(said);
+            machine
+        }
+        None => machine,
+    };
     let gap = Gap::of(&machine, intake, &Request { gains: arguments.gains.clone(), axes })?;
     if let Some(path) = &arguments.write {
         gap.write(path)?;

@@ -7,7 +7,8 @@
 //!            residuals   coordinate  fits     file    command, before and after
 //! ```
 //!
-//! [`intake`] looks at data, and [`logged`] at logs, before they are believed as [`runs`], of one kind of `motions` each; [`floor`] finds the noise in
+//! [`intake`] looks at data, and [`logged`] at logs, before they are believed as [`runs`], of one kind of `motions` each;
+//! [`limits`] that these go beyond are lifted; [`floor`] finds the noise in
 //! [`repeats`]; [`forward`] runs the machine file from the command alone and [`controller`] its loops alone; [`fit`] fits a
 //! [`model`] in closed loop to a [`problem`], by its derivatives ([`linear`]), first where the axis is `moving` and then where the model
 //! is `straight`; [`clocks`] are set where files have none in common; [`locate`] tells where the gap lives;
@@ -32,6 +33,7 @@ mod grid;
 mod held;
 pub mod intake;
 pub mod judged;
+pub mod limits;
 pub mod linear;
 pub mod locate;
 pub mod logged;
