@@ -89,7 +89,7 @@ fn of_data(arguments: &Arguments) -> anyhow::Result<Outcome> {
         }
         None => None,
     };
-    let machine = machine_of(arguments)?;
+    let mut machine = machine_of(arguments)?;
     let axes = axes_of(&machine, &arguments.axes)?;
     let mut intake = Intake::default();
     for path in &arguments.data {
@@ -101,14 +101,10 @@ fn of_data(arguments: &Arguments) -> anyhow::Result<Outcome> {
                 .to_owned(),
         );
     }
-    let lifted = limits::lifted(&machine, &intake.runs);
-    let machine = match lifted {
-        Some((machine, said)) => {
-            intake.repaired.extend(said);
-            machine
-        }
-        None => machine,
-    };
+    if let Some((without, said)) = limits::lifted(&machine, &intake.runs) {
+        intake.repaired.extend(said);
+        machine = without;
+    }
     let gap = Gap::of(&machine, intake, &Request { gains: arguments.gains.clone(), axes })?;
     if let Some(path) = &arguments.write {
         gap.write(path)?;
