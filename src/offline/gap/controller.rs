@@ -167,7 +167,7 @@ pub fn by_the_current(all: &[Vec<Vec<Match>>]) -> u8 {
 }
 
 /// The gain set that leaves least of the current.
-fn best_gains(all: &[Vec<Match>]) -> u8 {
+pub(super) fn best_gains(all: &[Vec<Match>]) -> u8 {
     let sets = all.iter().flatten().map(|found| found.gain_set);
     sets.min_by(|a, b| left_of(all, *a).total_cmp(&left_of(all, *b))).unwrap_or_default()
 }
