@@ -32,7 +32,7 @@ pub fn lifted(machine: &Machine, runs: &[Run]) -> Option<(Machine, Vec<String>)>
         if without < LEFT * filed {
             all.extend(said);
         } else {
-            lifted.axes[id] = machine.axes[id].clone();
+            lifted.axes[id] = machine.axes[id];
         }
     }
     (!all.is_empty()).then_some((lifted, all))
