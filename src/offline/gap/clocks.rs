@@ -20,8 +20,9 @@ use super::spectrum::Peaks;
 
 /// Runs of one clock are not at it at the same time for longer than this, s.
 const OVERLAP_S: f64 = 0.1;
-/// How closely a frequency is looked for: so many steps to either side, in lines of the longest run.
-const STEPS: i32 = 160;
+/// How closely a frequency is looked for: so many steps to either side, in lines of the longest run. A peak is up to two of them
+/// off, for it was looked for as if the clocks were one.
+const STEPS: i32 = 384;
 const LINES_PER_STEP: f64 = 1.0 / 128.0;
 
 /// Whether no two runs take place at the same time.
@@ -53,11 +54,7 @@ pub(super) fn behind_s(problem: &Problem<'_>, model: &Model) -> Option<Vec<f64>>
     let loudness = |hz: f64| -> f64 {
         left.iter().flat_map(|run| lines(run, hz, period_s)).map(|line| line.norm_sqr()).sum()
     };
-    let hz = (-STEPS..=STEPS).into_par_iter().map(|step| {
-        let hz = near_hz + f64::from(step) * LINES_PER_STEP / longest_s;
-        (hz, loudness(hz))
-    });
-    let (hz, _) = hz.max_by(|a, b| a.1.total_cmp(&b.1))?;
+    let hz = loudest_near(near_hz, longest_s, loudness)?;
     Some(
         phases(&left, hz, period_s)
             .iter()
@@ -69,6 +66,16 @@ pub(super) fn behind_s(problem: &Problem<'_>, model: &Model) -> Option<Vec<f64>>
             })
             .collect(),
     )
+}
+
+/// The loudest frequency near another, where the longest run lasts so long.
+fn loudest_near(hz: f64, longest_s: f64, loudness: impl Fn(f64) -> f64 + Sync) -> Option<f64> {
+    let at = |step: i32| {
+        let hz = hz + f64::from(step) * LINES_PER_STEP / longest_s;
+        (hz, loudness(hz))
+    };
+    let all = (-STEPS..=STEPS).into_par_iter().map(at);
+    all.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(hz, _)| hz)
 }
 
 /// The line of a frequency in each signal of a run, from its own begin.
@@ -103,6 +110,16 @@ mod tests {
         assert!(is_one(vec![[10.0, 15.0], [0.0, 9.0], [15.0, 16.0]]));
         assert!(!is_one(vec![[0.0, 5.0], [0.0, 6.0]]));
         assert!(is_one(Vec::new()));
+    }
+
+    #[test]
+    fn a_peak_that_is_two_lines_off_is_found() {
+        let (near_hz, longest_s) = (33.144, 40.0);
+        for lines in [-1.9, 0.3, 1.9] {
+            let hz = near_hz + lines / longest_s;
+            let found = loudest_near(near_hz, longest_s, |at| -(at - hz).abs()).expect("a frequency");
+            assert!((found - hz).abs() < LINES_PER_STEP / longest_s, "{found} Hz, {hz}");
+        }
     }
 
     #[test]
