@@ -74,7 +74,7 @@ fn velocities_are_estimated_as_the_current_tells() {
 fn runs_with_other_gains_are_refused_by_name() {
     let machine = config::load("paper").expect("a machine");
     let request = Request { gains: Some("optimal".to_owned()), axes: Vec::new() };
-    let refused = analyse(&machine, &runs(&machine, None), &request, &|_| ()).err().expect("a refusal");
+    let refused = analyse(&machine, &runs(&machine, &[]), &request, &|_| ()).err().expect("a refusal");
     let GapError::OtherGains { asked, found, .. } = &refused else { panic!("{refused}") };
     assert_eq!((asked.as_str(), found.as_str()), ("optimal", "standard"));
 }
@@ -82,7 +82,7 @@ fn runs_with_other_gains_are_refused_by_name() {
 #[test]
 fn gains_that_nobody_names_are_those_of_the_current() {
     let machine = config::load("paper").expect("a machine");
-    let runs = runs(&machine, None);
+    let runs = runs(&machine, &[]);
     let found =
         |machine: &Machine| controller::by_the_current(&controller::explained(machine, &[AxisId::X], &runs));
     assert_eq!(found(&machine), 0);

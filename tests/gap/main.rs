@@ -3,6 +3,7 @@
 #![cfg(feature = "offline")]
 
 mod loops;
+mod usual;
 
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
@@ -16,7 +17,7 @@ use quadrant::config::{self, Machine};
 use quadrant::offline::gap::analysis::{Analysis, GapError, Request, analyse, problem_of};
 use quadrant::offline::gap::fit::{Effort, fit};
 use quadrant::offline::gap::forward::Course;
-use quadrant::offline::gap::judged::judged;
+use quadrant::offline::gap::judged;
 use quadrant::offline::gap::model::{Model, Tried};
 use quadrant::offline::gap::problem::{Part, Problem};
 use quadrant::offline::gap::repeats::repeats;
@@ -80,16 +81,16 @@ fn circle(
     run
 }
 
-/// Runs of a machine whose base parameters differ from its file, and which may have an effect.
-fn runs(machine: &Machine, effect: Option<(&str, f64)>) -> Vec<Run> {
+/// Runs of a machine whose base parameters differ from its file, and which may have effects.
+fn runs(machine: &Machine, effects: &[(&str, f64)]) -> Vec<Run> {
     let mut plant = machine.axes[AxisId::X].plant;
     plant.mechanics.mass_kg *= 1.1;
     plant.mechanics.stiffness_n_per_m *= 0.93;
     plant.friction = plant.friction.scaled(1.05);
-    if let Some((name, amplitude)) = effect {
+    for (name, amplitude) in effects {
         let entry = entry(name).expect("an effect");
         let mut values = entry.nominal();
-        values[0] = amplitude;
+        values[0] = *amplitude;
         plant = plant.with_effect(entry, values);
     }
     [("slow", 10.0, 2.4, 1), ("fast", 20.0, 1.6, 2), ("heldout", 15.0, 2.0, 3)]
@@ -106,7 +107,7 @@ fn analysed<'m>(machine: &'m Machine, runs: &[Run]) -> Analysis<'m> {
 #[ignore = "seconds only if optimised; run by .ci/run"]
 fn a_hidden_backlash_is_named_and_closes_the_gap() {
     let machine = config::load("paper").expect("a machine");
-    let analysis = analysed(&machine, &runs(&machine, Some(("backlash", 2.0))));
+    let analysis = analysed(&machine, &runs(&machine, &[("backlash", 2.0)]));
     assert_eq!(analysis.repeats.len(), 3, "two laps each");
     let [axis] = analysis.axes.as_slice() else { panic!("one axis") };
     assert_eq!(axis.verdict, Verdict::Named);
@@ -160,7 +161,7 @@ fn what_is_named_is_written_into_the_file_and_shown_on_a_page() {
     let file = folder.path().join("mill.toml");
     fs::write(&file, &machine.text).expect("a file");
     let mut command = assert_cmd::Command::cargo_bin("quadrant").expect("the tool");
-    let runs = written(&runs(&machine, Some(("backlash", 2.0))), folder.path());
+    let runs = written(&runs(&machine, &[("backlash", 2.0)]), folder.path());
     command.current_dir(folder.path()).args(["gap", "--json", "--machine", "mill.toml", "--data"]).args(runs);
     let output = command.args(["--write", "mill.toml", "--out", "page"]).output().expect("an answer");
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
@@ -231,7 +232,7 @@ fn rows_that_judge_say_by_themselves_whether_they_have_it() {
         let problem = problem_of(&machine, &runs, &repeats(&runs), AxisId::X, 0, &[0; 3]);
         let fitted = fit(&problem, &with, Effort::Coarse(3), None);
         assert!((fitted.effect(0)[0].1 / 0.5 - 1.0).abs() < 0.1, "the fitted rows have it");
-        judged(&problem, &fitted, &[with.first_coordinate(0)])[0].share
+        judged::alone(&problem, &fitted, &[with.first_coordinate(0)])[0].share
     };
     // Half a turn later it is another effect.
     let other = file.with_effect(ripple, [0.5, 1.0, -140.0]);
@@ -301,7 +302,7 @@ fn rows_in_motion_lead_from_a_file_a_quarter_off_to_its_machine() {
 #[test]
 fn a_machine_that_lacks_nothing_gets_its_parameters_right_and_no_name() {
     let machine = config::load("paper").expect("a machine");
-    let analysis = analysed(&machine, &runs(&machine, None));
+    let analysis = analysed(&machine, &runs(&machine, &[]));
     let [axis] = analysis.axes.as_slice() else { panic!("one axis") };
     assert!(axis.named.effects.is_empty(), "{:?}", axis.named.effects);
     assert_eq!(axis.verdict, Verdict::ParameterOnly);
@@ -327,7 +328,7 @@ fn rows_that_judge_are_held_to_their_own_noise() {
     const LOUDER: f64 = 3.0;
     let machine = config::load("paper").expect("a machine");
     let floor = |louder: f64| {
-        let mut runs = runs(&machine, None);
+        let mut runs = runs(&machine, &[]);
         let mut random = Pcg64Mcg::seed_from_u64(9);
         let noise = Normal::new(0.0, NOISE_A * (louder * louder - 1.0).sqrt()).expect("a width");
         let held = runs[2].axes.get_mut(&AxisId::X).expect("an axis");

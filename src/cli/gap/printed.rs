@@ -171,16 +171,14 @@ impl Printed {
             });
             let filed = machine.axes[axis.id].velocity_estimate;
             let other = axis.other_estimate();
+            let model = &axis.named.model.model;
+            let values = model.base_values().into_iter().map(|(base, value)| (base.name, value));
+            // What has no name stays with the base.
+            let unnamed = model.effects.iter().skip(axis.named.effects.len());
+            let unnamed = unnamed.filter(|tried| !tried.entry.is_parameter());
             let printed = Axis {
                 verdict: axis.verdict,
-                base: axis
-                    .named
-                    .model
-                    .model
-                    .base_values()
-                    .into_iter()
-                    .map(|(base, value)| (base.name, value))
-                    .collect(),
+                base: values.chain(unnamed.map(|tried| (tried.entry.name, tried.values[0]))).collect(),
                 gap: axis.gap.clone(),
                 left_per_row: [
                     axis.named.model.cost / fit.max(1) as f64,

@@ -301,6 +301,20 @@ impl Fitted {
         value.abs() > deviations * variance.max(0.0).sqrt() && value * coordinates[at] > 0.0
     }
 
+    /// The same with its effects in another order: their places as they were.
+    #[must_use]
+    pub fn in_order(&self, places: &[usize]) -> Self {
+        let effects = &self.model.effects;
+        let of_effects = places.iter().flat_map(|place| {
+            let first = self.model.first_coordinate(*place);
+            first..first + effects[*place].entry.parameters.len()
+        });
+        let coordinates: Vec<usize> = (0..BASE.len()).chain(of_effects).collect();
+        let covariance = self.covariance.select_rows(&coordinates).select_columns(&coordinates);
+        let effects = places.iter().map(|place| effects[*place]).collect();
+        Self { model: Model { effects, ..self.model.clone() }, covariance, ..*self }
+    }
+
     /// Key, value and 95 % interval of each parameter of the effect of a place in the list: of noise, and of what laws
     /// differ by.
     pub fn effect(&self, place: usize) -> Vec<(&'static str, f64, [f64; 2])> {

@@ -12,7 +12,7 @@ use serde::Serialize;
 
 use super::blocks::Blocks;
 use super::fit::{Effort, Fitted, fit};
-use super::judged::{self, Judged};
+use super::judged;
 use super::linear::Linear;
 use super::model::Model;
 use super::problem::Problem;
@@ -183,60 +183,89 @@ pub(super) fn tried(
     all.sort_by(|a, b| a.total.total_cmp(&b.total));
     let mut seen = BTreeSet::new();
     all.retain(|fitted| seen.insert(fitted.model.effects.last().map(|tried| tried.entry.name)));
-    let judged = |fitted: Fitted| {
-        let blocks = Blocks::new(problem, &fitted.model);
-        let held = blocks.cost();
-        let added = fitted.model.effects.len() - 1;
-        let entry = fitted.model.effects[added].entry;
-        let parameters = entry.parameters.len();
-        let scale = scale(fitted.cost, rows[0]);
-        let held_scale = self::scale(held, rows[1]);
-        let fall = (without.total - fitted.total) / scale - parameters as f64 * (rows[0] as f64).ln();
-        let held_fall = (without_held - held) / held_scale;
-        // Pure noise costs 1 per row.
-        let left = without_held - rows[1] as f64;
-        let mut failed = Vec::new();
-        if fall <= FALL + 2.0 * (CATALOGUE.len() as f64).ln() {
-            failed.push(Gate::Fit);
+    let judged = |fitted| judged(problem, without, (blocks_without, explained), fitted, rows);
+    all.into_par_iter().map(judged).collect()
+}
+
+/// Places of the amplitudes of the last effect of a model, among its coordinates: those that are none of the base.
+fn telling(model: &Model) -> Vec<usize> {
+    let Some(last) = model.effects.last() else { return Vec::new() };
+    let first = model.first_coordinate(model.effects.len() - 1);
+    let tells = |amplitude: &usize| !last.entry.parameters[*amplitude].is_of_base;
+    last.entry.amplitudes().filter(tells).map(|of| first + of).collect()
+}
+
+/// Whether an amplitude of the last effect of a model is sure not to be zero, by the fitted rows or those that judge.
+pub(super) fn is_sure(problem: &Problem<'_>, fitted: &Fitted) -> bool {
+    let telling = telling(&fitted.model);
+    telling.iter().any(|amplitude| fitted.is_surely_not_zero(*amplitude, SURE))
+        || judged::alone(problem, fitted, &telling).iter().any(|alone| alone.is_more_than(SURE, ALONE_SHARE))
+}
+
+/// A model whose last effect is put to every gate but the last.
+pub(super) fn judged(
+    problem: &Problem<'_>,
+    without: &Fitted,
+    (blocks_without, explained): (&Blocks, f64),
+    fitted: Fitted,
+    rows: [usize; 2],
+) -> Candidate {
+    let without_held = blocks_without.cost();
+    let blocks = Blocks::new(problem, &fitted.model);
+    let held = blocks.cost();
+    let added = fitted.model.effects.len() - 1;
+    let entry = fitted.model.effects[added].entry;
+    let parameters = entry.parameters.len();
+    let scale = scale(fitted.cost, rows[0]);
+    let held_scale = self::scale(held, rows[1]);
+    let fall = (without.total - fitted.total) / scale - parameters as f64 * (rows[0] as f64).ln();
+    let held_fall = (without_held - held) / held_scale;
+    // Pure noise costs 1 per row.
+    let left = without_held - rows[1] as f64;
+    let mut failed = Vec::new();
+    if fall <= FALL + 2.0 * (CATALOGUE.len() as f64).ln() {
+        failed.push(Gate::Fit);
+    }
+    let is_hidden = does_not_show_where_judged(entry, without, &fitted, [blocks_without, &blocks], rows);
+    let least = f64::max(HELD_SHARE * left, FURTHER * explained);
+    if !is_hidden && (held_fall <= HELD_FALL || without_held - held < least) {
+        failed.push(Gate::Held);
+    }
+    let in_all_draws = blocks_without.is_surely_worse_than(&blocks);
+    if !is_hidden && !in_all_draws && !blocks_without.is_worse_in_many_than(&blocks) {
+        failed.push(Gate::Blocks);
+    }
+    let place = fitted.model.first_coordinate(added);
+    let telling = telling(&fitted.model);
+    let is_sure = telling.iter().any(|amplitude| fitted.is_surely_not_zero(*amplitude, SURE));
+    if fitted.model.is_at_bound(added) {
+        failed.push(Gate::Bounds);
+    }
+    let is_whole = |(of, parameter): (usize, &Parameter)| {
+        let value = fitted.model.effects[added].values[of];
+        let sigma = fitted.covariance[(place + of, place + of)].sqrt() * parameter.prior;
+        let reach = (NEAR * sigma).clamp(WHOLE[0], WHOLE[1]);
+        !parameter.is_whole || (value - value.round()).abs() <= reach
+    };
+    if !entry.parameters.iter().enumerate().all(is_whole) {
+        failed.push(Gate::Whole);
+    }
+    // Last, for it takes longest.
+    if failed.is_empty() && !is_hidden {
+        let deviations = ALONE[usize::from(!in_all_draws)];
+        let alone = judged::alone(problem, &fitted, &telling);
+        let wants = |deviations: f64| alone.iter().any(|alone| alone.is_more_than(deviations, ALONE_SHARE));
+        if !wants(deviations) {
+            failed.push(Gate::Judged);
         }
-        let is_hidden = does_not_show_where_judged(entry, without, &fitted, [blocks_without, &blocks], rows);
-        let least = f64::max(HELD_SHARE * left, FURTHER * explained);
-        if !is_hidden && (held_fall <= HELD_FALL || without_held - held < least) {
-            failed.push(Gate::Held);
-        }
-        let in_all_draws = blocks_without.is_surely_worse_than(&blocks);
-        if !is_hidden && !in_all_draws && !blocks_without.is_worse_in_many_than(&blocks) {
-            failed.push(Gate::Blocks);
-        }
-        let place = fitted.model.first_coordinate(added);
-        let tells = |amplitude: &usize| !entry.parameters[*amplitude].is_of_base;
-        let telling: Vec<usize> = entry.amplitudes().filter(tells).map(|of| place + of).collect();
-        if !telling.iter().any(|amplitude| fitted.is_surely_not_zero(*amplitude, SURE)) {
+        // In some of the fitted runs stick and slip may say anything; rows that nobody fitted need no help then.
+        if !is_sure && !wants(SURE) {
             failed.push(Gate::Amplitude);
         }
-        if fitted.model.is_at_bound(added) {
-            failed.push(Gate::Bounds);
-        }
-        let is_whole = |(of, parameter): (usize, &Parameter)| {
-            let value = fitted.model.effects[added].values[of];
-            let sigma = fitted.covariance[(place + of, place + of)].sqrt() * parameter.prior;
-            let reach = (NEAR * sigma).clamp(WHOLE[0], WHOLE[1]);
-            !parameter.is_whole || (value - value.round()).abs() <= reach
-        };
-        if !entry.parameters.iter().enumerate().all(is_whole) {
-            failed.push(Gate::Whole);
-        }
-        // Last, for it takes longest.
-        if failed.is_empty() && !is_hidden {
-            let deviations = ALONE[usize::from(!in_all_draws)];
-            let wants = |alone: Judged| alone.share > f64::max(deviations * alone.deviation, ALONE_SHARE);
-            if !judged::judged(problem, &fitted, &telling).into_iter().any(wants) {
-                failed.push(Gate::Judged);
-            }
-        }
-        Candidate { evidence: fall + held_fall, fitted, held, failed }
-    };
-    all.into_par_iter().map(judged).collect()
+    } else if !is_sure {
+        failed.push(Gate::Amplitude);
+    }
+    Candidate { evidence: fall + held_fall, fitted, held, failed }
 }
 
 #[cfg(test)]

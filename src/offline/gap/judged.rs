@@ -24,9 +24,16 @@ pub struct Judged {
     pub deviation: f64,
 }
 
+impl Judged {
+    /// Whether it is more than so many of its standard deviations, and than a share.
+    pub(super) fn is_more_than(&self, deviations: f64, share: f64) -> bool {
+        self.share > f64::max(deviations * self.deviation, share)
+    }
+}
+
 /// What the rows that judge say of amplitudes: of each with all others as they follow it, but for times and places. Nothing
 /// where they do not tell.
-pub fn judged(problem: &Problem<'_>, fitted: &Fitted, amplitudes: &[usize]) -> Vec<Judged> {
+pub fn alone(problem: &Problem<'_>, fitted: &Fitted, amplitudes: &[usize]) -> Vec<Judged> {
     let model = &fitted.model;
     let steps = Steps::of(model, &fitted.covariance);
     let shapes: Vec<usize> = model.shapes().collect();

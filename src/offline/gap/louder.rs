@@ -37,7 +37,7 @@ impl<'m> Louder<'m> {
         let louder = problem.louder(by);
         let once = louder.first_passes();
         // What was named has been fitted to the bottom, and tells which valley it is.
-        let fitted = if model.effects.is_empty() {
+        let fitted = if model.effects.len() == start.effects.len() {
             coarsely_from(&louder, &once, model, start)
         } else {
             fit(&louder, model, Effort::Coarse(ITERATIONS[0]), None)

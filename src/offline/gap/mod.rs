@@ -12,8 +12,8 @@
 //! [`repeats`]; [`forward`] runs the machine file from the command alone and [`controller`] its loops alone; [`fit`] fits a
 //! [`model`] in closed loop to a [`problem`], by its derivatives ([`linear`]), first where the axis is `moving` and then where the model
 //! is `straight`; [`clocks`] are set where files have none in common; [`locate`] tells where the gap lives;
-//! [`shortlist`] and [`mod@name`] find the effects, which have to pass the [`gates`]; `foretold` tells whether something is
-//! left, and [`verdict`] says it in a word; [`contour`] and [`consequence`] show what it does to circles, and what would
+//! [`shortlist`] and [`mod@name`] find the effects, which have to pass the [`gates`] and to be needed (`without`), and name last what
+//! nearly every axis has (`usual`); `foretold` tells whether something is left, and [`verdict`] says it in a word; [`contour`] and [`consequence`] show what it does to circles, and what would
 //! falsify it; [`write_back`] adds them to the machine file. [`demo`] is a machine to show it on.
 //! Invariant: what is named was better on rows that no model had seen, and what cannot be told apart is named together.
 
@@ -52,5 +52,7 @@ pub mod shortlist;
 pub mod spectrum;
 mod straight;
 mod tones;
+mod usual;
 pub mod verdict;
+mod without;
 pub mod write_back;

@@ -205,6 +205,15 @@ impl Model {
         model
     }
 
+    /// The same without the effects of some places in the list.
+    #[must_use]
+    pub fn without_all(&self, places: &[usize]) -> Self {
+        let mut model = self.clone();
+        let mut place = 0..;
+        model.effects.retain(|_| place.next().is_none_or(|place| !places.contains(&place)));
+        model
+    }
+
     /// The same with the effect that is like its last one in that one's place, as large; nothing where none is.
     pub fn with_last_as_alike(&self) -> Option<Self> {
         let last = self.effects.last()?;

@@ -15,7 +15,7 @@ use rayon::prelude::*;
 use super::blocks::Blocks;
 use super::clocks;
 use super::fit::{Effort, Fitted, believed, fit, total_of};
-use super::gates::{Candidate, FALL, Gate, HELD_FALL, does_not_show_where_judged, tried};
+use super::gates::{Candidate, Gate, tried};
 use super::linear::{Linear, Steps, residuals};
 use super::louder::Louder;
 use super::model::Model;
@@ -26,6 +26,8 @@ use super::refit::{
 };
 use super::shortlist::{Scored, Smallest, shortlist};
 use super::spectrum::Peaks;
+use super::usual;
+use super::without::Without;
 use crate::plant::effects::{Experiment, entry};
 
 /// Candidates that are fitted together with the base to the first pass of each command. Those that explain this share of
@@ -39,11 +41,6 @@ const FEW: usize = 2;
 const EFFECTS_MAX: usize = 4;
 /// How often the search goes on from a deeper place of the base to which an effect led that is not needed.
 const VALLEYS: usize = 2;
-/// A model that leaves so many times as much without an effect needs it.
-const PLAINLY: f64 = 2.0;
-/// What is needed explains so many times as much as ends of the base without it differ by: another of its valleys would do the
-/// same.
-const ROUGH: f64 = 3.0;
 /// What an axis lacks.
 #[derive(Debug)]
 pub struct Named {
@@ -126,6 +123,8 @@ pub fn name<'m>(
 ) -> (Named, Problem<'m>) {
     let rows = [Part::Fit, Part::Held].map(|part| problem.count(part));
     progress("fitting the base model");
+    let start = &usual::with(start);
+    let usual = start.effects.len();
     let (mut problem, coarse) = coarsely(problem, start);
     let clocks_behind_s = clocks::behind_s(&problem, &coarse.model);
     if let Some(behind_s) = &clocks_behind_s {
@@ -216,21 +215,18 @@ pub fn name<'m>(
             one.is_doubtful() && !one.is_on_its_way_to(&best) && one.evidence > best.evidence + margin
         };
         class.extend(refused.iter().filter(is_beyond).cloned());
-        // Tempered: what is near a tie is to be told as one.
-        let weights: Vec<f64> =
-            class.iter().map(|one| (0.5 * (one.evidence - best.evidence).min(0.0) / margin).exp()).collect();
-        let all: f64 = weights.iter().sum();
-        let class = class.into_iter().zip(weights.iter().map(|weight| weight / all)).collect();
+        let class = weighed(class, margin);
         let before = std::mem::replace(&mut model, bottom);
         blocks = Blocks::new(&problem, &model.model);
         effects.push(NamedEffect { name: best.name(), class, runner_up });
+        let last = model.model.effects.len() - 1;
         // On its way to the effect the base may have left a valley in which the fit without it was held up: what is
         // gained is what is lost again without it, from here.
-        let test = Without::of(&problem, &once, &model, effects.len() - 1, [start, &coarse.model]);
+        let test = Without::of(&problem, &once, &model, last, [start, &coarse.model]);
         if effects.len() == 1 {
             base = Some(test.fitted.clone());
         }
-        if !test.shows_need(&model, &blocks, effects.len() - 1, rows) {
+        if !test.shows_need(&model, &blocks, last, rows) {
             let is_deeper = is_far(&test.fitted, &before);
             (model, blocks) = (test.fitted, test.blocks);
             effects.pop();
@@ -262,8 +258,8 @@ pub fn name<'m>(
     // Backwards: what came first may have stood for what came later.
     let mut place = 0;
     while effects.len() > 1 && place + 1 < effects.len() {
-        let test = Without::of(&problem, &once, &model, place, [start, &coarse.model]);
-        if test.shows_need(&model, &blocks, place, rows) {
+        let test = Without::of(&problem, &once, &model, usual + place, [start, &coarse.model]);
+        if test.shows_need(&model, &blocks, usual + place, rows) {
             place += 1;
         } else {
             effects.remove(place);
@@ -272,17 +268,34 @@ pub fn name<'m>(
         }
     }
     progress("fitting the base model to the end");
-    let base = match base {
+    let mut base = match base {
         // Weighed as all that is compared with it.
-        Some(base) => fit(&problem, &base.model, Effort::Coarse(0), None),
+        Some(base) => fit(&problem, &base.model, Effort::Coarse(1), None),
         None => fit(&problem, &coarse.model, Effort::Fine, None),
     };
-    let base_blocks = Blocks::new(&problem, &base.model);
     if effects.is_empty() {
-        (model, blocks) = (base.clone(), base_blocks.clone());
+        (model, blocks) = (base.clone(), Blocks::new(&problem, &base.model));
     }
-    let [base_held, held] = [base_blocks, blocks].map(|blocks| blocks.cost());
+    let told = usual::told(&problem, &once, &model, (&blocks, alone_held), [start, &coarse.model], rows);
+    if !told.named.is_empty() {
+        let ends = [&base.model, &coarse.model].map(|of| of.without_all(&told.places));
+        base = base_refitted(&problem, &once, ends.each_ref(), |_, _| false).0;
+    }
+    effects.extend(told.named);
+    refused.extend(told.refused);
+    smallest.retain(|one| effects.iter().all(|named| named.name != one.name));
+    let [base_held, held] = [&base, &told.model].map(|fitted| Blocks::new(&problem, &fitted.model).cost());
+    let model = told.model;
     (Named { clocks_behind_s, base, base_held, model, held, effects, refused, smallest, rows }, problem)
+}
+
+/// A class with how probable each member is. Tempered: what is near a tie is to be told as one.
+pub(super) fn weighed(class: Vec<Candidate>, margin: f64) -> Vec<(Candidate, f64)> {
+    let best = class[0].evidence;
+    let weights: Vec<f64> =
+        class.iter().map(|one| (0.5 * (one.evidence - best).min(0.0) / margin).exp()).collect();
+    let all: f64 = weights.iter().sum();
+    class.into_iter().zip(weights.iter().map(|weight| weight / all)).collect()
 }
 
 /// A model where nothing of it is known well yet.
@@ -294,48 +307,6 @@ fn linear(problem: &Problem<'_>, model: &Model) -> Linear {
         None,
         &Steps::widest(model),
     )
-}
-
-/// A model without one of its effects, fitted to the bottom from where it stands with it.
-struct Without {
-    fitted: Fitted,
-    blocks: Blocks,
-    /// By how much its ends differ.
-    rough: f64,
-}
-
-impl Without {
-    /// `start` is the base of the file, `alone` where it was fitted without any effect.
-    fn of(
-        problem: &Problem<'_>,
-        once: &Problem<'_>,
-        model: &Fitted,
-        place: usize,
-        [start, alone]: [&Model; 2],
-    ) -> Self {
-        let without = model.model.without(place);
-        let (fitted, rough) = if without.effects.is_empty() {
-            base_refitted(problem, once, [&without, alone])
-        } else {
-            let near = fit(problem, &ended(once, &without), Effort::Coarse(0), None);
-            let is_plain = near.total > PLAINLY * model.total;
-            (if is_plain { near } else { refitted(problem, once, &without, start) }, 0.0)
-        };
-        Self { blocks: Blocks::new(problem, &fitted.model), fitted, rough }
-    }
-
-    /// Whether it does worse on both parts than the model with the effect.
-    fn shows_need(&self, model: &Fitted, blocks: &Blocks, place: usize, rows: [usize; 2]) -> bool {
-        let parameters = model.model.effects[place].entry.parameters.len() as f64;
-        let explained = self.fitted.total - model.total;
-        let fall = explained / scale(model.cost, rows[0]) - parameters * (rows[0] as f64).ln();
-        let held_fall = (self.blocks.cost() - blocks.cost()) / scale(blocks.cost(), rows[1]);
-        let is_sure = self.blocks.is_surely_worse_than(blocks) || self.blocks.is_worse_in_many_than(blocks);
-        let is_worse = held_fall > HELD_FALL && is_sure;
-        let entry = model.model.effects[place].entry;
-        let is_plain = does_not_show_where_judged(entry, &self.fitted, model, [&self.blocks, blocks], rows);
-        fall > FALL && explained > ROUGH * self.rough && (is_worse || is_plain)
-    }
 }
 
 /// The most promising of a list, fitted to few rows beside the model that was fitted before, from the better of two

@@ -84,12 +84,25 @@ fn deepest(ends: impl IntoIterator<Item = (f64, Model)>) -> (f64, Model) {
     ends.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)).expect("an end")
 }
 
-/// The base fitted to the bottom from where it stands beside an effect, and from where it was fitted without; and by how
-/// much both ends differ: what is that rough tells of no effect that explains less.
-pub(super) fn base_refitted(problem: &Problem<'_>, once: &Problem<'_>, ends: [&Model; 2]) -> (Fitted, f64) {
-    let ends = with_totals(problem, ends.par_iter().map(|model| ended(once, model)).collect());
-    let apart = (ends[0].0 - ends[1].0).abs();
-    (fit(problem, &deepest(ends).1, Effort::Fine, None), apart)
+/// The base fitted to the bottom from where it stands beside an effect, or from where it was fitted without: whichever leads
+/// deeper; and by how much both ends differ: what is that rough tells of no effect that explains less. Where coarse fits differ by
+/// so much that it matters, both go to the bottom.
+pub(super) fn base_refitted(
+    problem: &Problem<'_>,
+    once: &Problem<'_>,
+    ends: [&Model; 2],
+    matters: impl Fn(&Fitted, f64) -> bool,
+) -> (Fitted, f64) {
+    let mut ends = with_totals(problem, ends.par_iter().map(|model| ended(once, model)).collect());
+    ends.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let to_the_bottom = |(_, model): &(f64, Model)| fit(problem, model, Effort::Fine, None);
+    let (deeper, apart) = (to_the_bottom(&ends[0]), ends[1].0 - ends[0].0);
+    if !matters(&deeper, apart) {
+        return (deeper, apart);
+    }
+    let other = to_the_bottom(&ends[1]);
+    let apart = (other.total - deeper.total).abs();
+    (if other.total < deeper.total { other } else { deeper }, apart)
 }
 
 /// The base fitted coarsely, and the problem in which rows count by how straight it is about them.

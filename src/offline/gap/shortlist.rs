@@ -20,6 +20,7 @@ use super::fit::share_that_holds;
 use super::linear::{K, Linear, LinearRun, Loss};
 use super::model::{Model, Tried};
 use super::problem::{Part, Problem, Residual};
+use super::usual::is_usual;
 use crate::plant::effects::{CATALOGUE, Entry, Parameter, Values};
 
 /// How rows count here: a large effect puts many of them far off, and what explains those is looked for.
@@ -41,6 +42,16 @@ pub struct Smallest {
     pub key: &'static str,
     /// How much.
     pub amplitude: Option<f64>,
+}
+
+impl Smallest {
+    /// Where one standard deviation of the first parameter is so many of its priors.
+    fn of(entry: &'static Entry, deviation: f64) -> Self {
+        let Parameter { key, prior, bounds: [low, high], .. } = entry.parameters[0];
+        let amplitude = SEEN * deviation * prior;
+        let may_be = amplitude <= high.max(-low);
+        Self { name: entry.name, key, amplitude: may_be.then_some(amplitude) }
+    }
 }
 
 /// What may be missing, the most promising first, and what would have been seen.
@@ -123,14 +134,14 @@ pub fn shortlist(problem: &Problem<'_>, here: &Linear, peaks: &dyn Fn(&Parameter
         .flat_map(|entry| seeds(entry, peaks).into_iter().map(move |values| (entry, values)))
         .collect();
     let equations = here.normal(usize::MAX, LOSS).with_beliefs(model);
-    let mut curvature = equations.curvature;
+    let mut curvature = equations.curvature.clone();
     for place in 0..curvature.nrows() {
         curvature[(place, place)] += 1e-9;
     }
     let Some(curvature) = curvature.cholesky() else {
         return Shortlist { scored: Vec::new(), smallest: Vec::new() };
     };
-    let known = (curvature, equations.slope);
+    let (known, covariance) = ((curvature.clone(), equations.slope), curvature.inverse());
     let places = problem.places(Part::Fit);
     let tried = trials.par_iter().map(|(entry, values)| {
         let mut sums = Sums::new(model, entry);
@@ -147,11 +158,19 @@ pub fn shortlist(problem: &Problem<'_>, here: &Linear, peaks: &dyn Fn(&Parameter
         }
         let beyond = sums.beyond(&known.0);
         // The first trial of an effect is at its usual values.
-        let is_usual = entry.law_of.is_none() && *values == seeds(entry, &|_| Vec::new())[0];
-        let smallest = is_usual.then(|| beyond.smallest(entry, values));
+        let is_first = entry.law_of.is_none() && *values == seeds(entry, &|_| Vec::new())[0];
+        // What no data tell from an effect that every model has is that one, by another name.
+        if let Some(at) = twin_of(model, entry) {
+            let share = (sums.crossed[(0, at)] / equations.curvature[(at, at)]).abs();
+            let deviation =
+                covariance[(at, at)].sqrt() * values[0].abs() / (share * entry.parameters[0].prior);
+            return (None, is_first.then(|| Smallest::of(entry, deviation)));
+        }
+        let smallest = is_first.then(|| beyond.smallest(entry, values));
         (sums.scored(beyond, &known, model, entry, *values), smallest)
     });
     let (scored, smallest): (Vec<Option<Scored>>, Vec<Option<Smallest>>) = tried.unzip();
+    let of_usual = usual_smallest(model, &covariance);
     let mut best: BTreeMap<&str, Scored> = BTreeMap::new();
     for scored in scored.into_iter().flatten() {
         let name = scored.entry().effect();
@@ -161,7 +180,22 @@ pub fn shortlist(problem: &Problem<'_>, here: &Linear, peaks: &dyn Fn(&Parameter
     }
     let mut best: Vec<Scored> = best.into_values().collect();
     best.sort_by(|a, b| b.gain.total_cmp(&a.gain));
-    Shortlist { scored: best, smallest: smallest.into_iter().flatten().collect() }
+    Shortlist { scored: best, smallest: smallest.into_iter().flatten().chain(of_usual).collect() }
+}
+
+/// The coordinate of an effect that every model has, from which no data tell another.
+fn twin_of(model: &Model, entry: &Entry) -> Option<usize> {
+    let is_twin = |tried: &Tried| is_usual(tried.entry) && tried.entry.aliases.contains(&entry.name);
+    Some(model.first_coordinate(model.effects.iter().position(is_twin)?))
+}
+
+/// Of the effects that every model has: as far as all else tells them.
+fn usual_smallest(model: &Model, covariance: &DMatrix<f64>) -> Vec<Smallest> {
+    let of = |(place, tried): (usize, &Tried)| {
+        let at = model.first_coordinate(place);
+        is_usual(tried.entry).then(|| Smallest::of(tried.entry, covariance[(at, at)].sqrt()))
+    };
+    model.effects.iter().enumerate().filter_map(of).collect()
 }
 
 /// What the base cannot make up for of the columns of a trial.
@@ -176,10 +210,7 @@ impl Beyond {
     fn smallest(&self, entry: &'static Entry, values: &Values) -> Smallest {
         // Of two columns a quarter of a period apart the mean, for nobody knows its phase.
         let seen = (self.held.trace() / self.held.nrows() as f64).sqrt();
-        let amplitude = SEEN / seen * values[0].abs();
-        let Parameter { key, bounds: [low, high], .. } = entry.parameters[0];
-        let may_be = amplitude <= high.max(-low);
-        Smallest { name: entry.name, key, amplitude: may_be.then_some(amplitude) }
+        Smallest::of(entry, values[0].abs() / (entry.parameters[0].prior * seen))
     }
 }
 

@@ -39,6 +39,12 @@ pub fn put(
         let name = &machine.axis_names()[axis.id.index()];
         let model = &axis.named.model;
         for (place, tried) in model.model.effects.iter().enumerate() {
+            let is_named = place < axis.named.effects.len();
+            // What stays with the base is nothing where it may be.
+            let is_sure = |(_, _, [low, high]): &(&str, f64, [f64; 2])| low * high > 0.0;
+            if !is_named && !model.effect(place).first().is_some_and(is_sure) {
+                continue;
+            }
             let section = format!("axis.{name}.effects.{}", tried.entry.name);
             for (key, value, interval) in model.effect(place) {
                 let value = rounded(value);

@@ -1,0 +1,123 @@
+//! What nearly every axis has a little of and few machine files know: friction that rises with the speed, and a force that
+//! is always there.
+//!
+//! ```text
+//!   base and both ─► whatever else is missing ─► each of both: is it sure, and needed? ─► named, or left with the base
+//! ```
+//!
+//! Left out they bend the base, and what they leave hides what is small and lends itself to what is not there. So they are
+//! fitted from the beginning, as parameters of the base; named they are in the end, by the gates that every effect has to
+//! pass. What of them is not sure stays with the base.
+//! Invariant: in the end effects with a name come first, in the order of their names.
+
+use super::blocks::Blocks;
+use super::fit::{Effort, Fitted, fit};
+use super::gates::{Candidate, is_sure, judged};
+use super::linear::{Loss, residuals};
+use super::model::{Model, Tried};
+use super::name::{NamedEffect, weighed};
+use super::near::margin;
+use super::problem::{Part, Problem, Residual};
+use super::refit::ITERATIONS;
+use super::without::Without;
+use crate::plant::effects::{Entry, entry};
+
+/// Names of these effects.
+const USUAL: [&str; 2] = ["viscous-friction", "constant-force"];
+
+/// A base with these effects, of no size, but for those that its machine file knows.
+pub(super) fn with(start: &Model) -> Model {
+    let plant = &start.nominal;
+    let is_known = |entry: &Entry| match entry.name {
+        "viscous-friction" => plant.friction.viscous_n_s_per_m != 0.0,
+        name => plant.effects.present().any(|(known, _)| known.name == name),
+    };
+    let entries = USUAL.iter().filter_map(|name| entry(name)).filter(|entry| !is_known(entry));
+    entries.fold(start.clone(), |model, entry| model.with(Tried { entry, values: Default::default() }))
+}
+
+/// Whether an effect is one of them.
+pub(super) fn is_usual(entry: &Entry) -> bool {
+    USUAL.contains(&entry.name)
+}
+
+/// What is to be said of these effects.
+pub(super) struct Told {
+    /// Those that are sure.
+    pub(super) named: Vec<NamedEffect>,
+    /// Their places in the list of the base.
+    pub(super) places: Vec<usize>,
+    /// Those that may be.
+    pub(super) refused: Vec<Candidate>,
+    /// With all effects that have names first.
+    pub(super) model: Fitted,
+}
+
+/// Puts each of these effects, which come first in a model, to every gate; `start` is the base of the file with them, `alone`
+/// where it was fitted without any other.
+pub(super) fn told(
+    problem: &Problem<'_>,
+    once: &Problem<'_>,
+    model: &Fitted,
+    (blocks, alone_held): (&Blocks, f64),
+    [start, alone]: [&Model; 2],
+    rows: [usize; 2],
+) -> Told {
+    let (usual, all) = (start.effects.len(), model.model.effects.len());
+    let mut model = model.clone();
+    let (mut named, mut places, mut refused) = (Vec::new(), Vec::new(), Vec::new());
+    for place in 0..usual {
+        let last = (0..all).filter(|other| *other != place).chain([place]);
+        let as_last = model.in_order(&last.collect::<Vec<_>>());
+        if !is_sure(problem, &as_last) {
+            continue;
+        }
+        let test = Without::of(problem, once, &model, place, [start, &alone.without(place)]);
+        let explained = alone_held - test.blocks.cost();
+        let gated = |fitted| judged(problem, &test.fitted, (&test.blocks, explained), fitted, rows);
+        let own = gated(as_last);
+        if !own.failed.is_empty() || !test.shows_need(&model, blocks, place, rows) {
+            refused.push(own);
+            continue;
+        }
+        let mut class = vec![own];
+        let alike = aliases(problem, &model.model, place).into_iter().map(gated);
+        class.extend(alike.filter(|other| other.failed.is_empty()));
+        class.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
+        let best = &class[0];
+        // In the place of its twin.
+        let back = (0..place).chain([all - 1]).chain(place..all - 1);
+        model = best.fitted.in_order(&back.collect::<Vec<_>>());
+        let (name, margin) = (best.name(), margin(best.evidence));
+        named.push(NamedEffect { name, class: weighed(class, margin), runner_up: None });
+        places.push(place);
+    }
+    let silent = (0..usual).filter(|place| !places.contains(place));
+    let order: Vec<usize> = (usual..all).chain(places.iter().copied()).chain(silent).collect();
+    Told { named, places, refused, model: model.in_order(&order) }
+}
+
+/// A model fitted with what no data tell from one of its effects in the place of that, as large as makes up for it.
+fn aliases(problem: &Problem<'_>, model: &Model, place: usize) -> Vec<Fitted> {
+    let without = model.without(place);
+    let left = residuals(problem, &without, Part::Fit);
+    let fitted = |entry: &'static Entry| {
+        let mut values = entry.nominal();
+        let tried = residuals(problem, &without.with(Tried { entry, values }), Part::Fit);
+        values[0] *= share(&left, &tried);
+        fit(problem, &without.with(Tried { entry, values }), Effort::Coarse(ITERATIONS[0]), None)
+    };
+    model.effects[place].entry.aliases.iter().filter_map(|name| entry(name)).map(fitted).collect()
+}
+
+/// Which share of a trial leaves the least; rows far off are events of stick and slip, and count for less.
+fn share(left: &[Residual], tried: &[Residual]) -> f64 {
+    let rows = |all: &[Residual]| all.iter().flatten().flatten().copied().collect::<Vec<f64>>();
+    let (mut crossed, mut squared) = (0.0, 0.0);
+    for (left, tried) in rows(left).into_iter().zip(rows(tried)) {
+        let (column, weight) = (tried - left, Loss::LAST.weight(left));
+        crossed -= weight * column * left;
+        squared += weight * column * column;
+    }
+    if squared > 0.0 { crossed / squared } else { 0.0 }
+}

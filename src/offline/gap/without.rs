@@ -1,0 +1,102 @@
+//! Whether an effect of a model is needed: what is gained with it is what is lost again without it.
+//!
+//! Invariant: the model without it is at a bottom of its own.
+
+use super::blocks::Blocks;
+use super::fit::{Effort, Fitted, fit};
+use super::gates::{FALL, HELD_FALL, does_not_show_where_judged};
+use super::model::Model;
+use super::problem::{Part, Problem};
+use super::refit::{base_refitted, ended, refitted, scale};
+
+/// A model that leaves so many times as much without an effect needs it.
+const PLAINLY: f64 = 2.0;
+/// What is needed explains so many times as much as ends of the base without it differ by: another of its valleys would do the
+/// same.
+const ROUGH: f64 = 3.0;
+
+/// What is noise with an effect, and so many times as much without it, needs it however rough its valleys are.
+const ALL: f64 = 1.25;
+
+/// A model without one of its effects, fitted to the bottom from where it stands with it.
+pub(super) struct Without {
+    pub(super) fitted: Fitted,
+    pub(super) blocks: Blocks,
+    /// By how much its ends differ.
+    rough: f64,
+}
+
+impl Without {
+    /// `start` is the base of the file, `alone` where it was fitted without any effect but for those that nobody names before the end.
+    pub(super) fn of(
+        problem: &Problem<'_>,
+        once: &Problem<'_>,
+        model: &Fitted,
+        place: usize,
+        [start, alone]: [&Model; 2],
+    ) -> Self {
+        let without = model.model.without(place);
+        let (fitted, rough) = if without.effects.len() == alone.effects.len() {
+            base_refitted(problem, once, [&without, alone], |base, apart| {
+                is_rough(base, model, apart, problem.count(Part::Fit))
+            })
+        } else {
+            let near = fit(problem, &ended(once, &without), Effort::Coarse(0), None);
+            let is_plain = near.total > PLAINLY * model.total;
+            (if is_plain { near } else { refitted(problem, once, &without, start) }, 0.0)
+        };
+        Self { blocks: Blocks::new(problem, &fitted.model), fitted, rough }
+    }
+
+    /// Whether it does worse on both parts than the model with the effect.
+    pub(super) fn shows_need(&self, model: &Fitted, blocks: &Blocks, place: usize, rows: [usize; 2]) -> bool {
+        let parameters = model.model.effects[place].entry.parameters.len() as f64;
+        let explained = self.fitted.total - model.total;
+        let fall = explained / scale(model.cost, rows[0]) - parameters * (rows[0] as f64).ln();
+        let held_fall = (self.blocks.cost() - blocks.cost()) / scale(blocks.cost(), rows[1]);
+        let is_sure = self.blocks.is_surely_worse_than(blocks) || self.blocks.is_worse_in_many_than(blocks);
+        let is_worse = held_fall > HELD_FALL && is_sure;
+        let entry = model.model.effects[place].entry;
+        let is_rough = is_rough(&self.fitted, model, self.rough, rows[0]);
+        let is_plain = does_not_show_where_judged(entry, &self.fitted, model, [&self.blocks, blocks], rows);
+        fall > FALL && !is_rough && (is_worse || is_plain)
+    }
+}
+
+/// Whether ends of a base differ by so much that another of its valleys may do what a model does that leaves noise of these rows, or
+/// more.
+fn is_rough(base: &Fitted, model: &Fitted, apart: f64, rows: usize) -> bool {
+    let is_all = base.total > ALL * model.total && model.cost < rows as f64;
+    !is_all && base.total - model.total <= ROUGH * apart
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::DMatrix;
+
+    use super::*;
+    use crate::plant::tests::paper_axis;
+
+    #[test]
+    fn valleys_of_a_base_may_do_what_explains_little_and_never_what_leaves_nothing() {
+        const ROWS: usize = 10_000;
+        let fitted = |per_row: f64| Fitted {
+            model: Model::new(paper_axis()),
+            cost: per_row * ROWS as f64,
+            total: per_row * ROWS as f64,
+            covariance: DMatrix::identity(1, 1),
+        };
+        for (without, with, apart_per_row, may) in [
+            (1.1, 0.9, 0.05, false),
+            (1.1, 0.9, 0.1, true),
+            // All that is more than noise.
+            (1.6, 0.9, 0.3, false),
+            // It leaves much.
+            (2.6, 1.9, 0.3, true),
+        ] {
+            let apart = apart_per_row * ROWS as f64;
+            let found = is_rough(&fitted(without), &fitted(with), apart, ROWS);
+            assert_eq!(found, may, "{without} and {with} per row, ends {apart_per_row} apart");
+        }
+    }
+}
