@@ -134,9 +134,9 @@ pub const BASE: [Base; 11] = [
     Base {
         name: "current_loop",
         unit: "Hz",
-        prior: 0.2,
+        prior: 0.05,
         // Slower than that it is `current-loop-lag` or `actuator-delay`.
-        reach: [-1.5, 2.0],
+        reach: [-1.0, 2.0],
         get: |twin| twin.plant.actuator.current_loop_hz,
         set: |twin, value| twin.plant.actuator.current_loop_hz = value,
     },

@@ -369,7 +369,7 @@ fn believed(plant: &Plant, level: f64, gross: usize, source: &mut Random) -> Pla
     by(&mut told.viscous, level);
     // A data sheet is better than that.
     by(&mut told.torque_constant, 0.5 * level.min(0.1));
-    by(&mut told.current_loop_hz, level);
+    by(&mut told.current_loop_hz, 0.5 * level.min(0.1));
     by(&mut told.fall_end, level);
     told.fall_start = plant.fall_start / plant.fall_end * told.fall_end;
     told

@@ -35,7 +35,6 @@ fn base_parameters(plant: &Plant) -> Vec<Change> {
         |plant, share| plant.mass *= 1.0 + share,
         |plant, share| plant.stiffness *= 1.0 + share,
         |plant, share| plant.damping *= 1.0 + share,
-        |plant, share| plant.current_loop_hz *= 1.0 + share,
         |plant, share| plant.torque_constant *= 1.0 + share,
         |plant, share| {
             plant.sliding *= 1.0 + share;
