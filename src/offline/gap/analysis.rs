@@ -171,7 +171,7 @@ fn axis<'m>(
     }
     let mut gap = gaps(&problem, &weighed, &start, &named);
     let has_shape = leaves_a_shape(&problem, &named);
-    if !named.effects.is_empty() && (has_shape || explains_too_little(&problem, &named)) {
+    if !named.effects.is_empty() && (has_shape || explains_too_little(&problem, &weighed, &named)) {
         named.withdraw();
         gap.iter_mut().for_each(|signal| signal.after = signal.before);
     }

@@ -144,12 +144,12 @@ pub(super) fn leaves_a_shape(problem: &Problem<'_>, named: &Named) -> bool {
 }
 
 /// Whether what was named leaves much of what there is: then it is something else that looks like it from afar.
-pub(super) fn explains_too_little(problem: &Problem<'_>, named: &Named) -> bool {
+pub(super) fn explains_too_little(problem: &Problem<'_>, weighed: &Problem<'_>, named: &Named) -> bool {
     if !costs_more_than_noise(named) {
         return false;
     }
     let models = [&named.base.model, &named.model.model];
-    let mut blocks = blocks_of_power(problem, models);
+    let mut blocks = blocks_of_power(problem, weighed, models);
     // Somebody may have leaned on the table.
     blocks.sort_by(|a, b| a[1].total_cmp(&b[1]));
     blocks.truncate(blocks.len() - (LEANED * blocks.len() as f64).ceil() as usize);
@@ -165,23 +165,24 @@ fn leaves_much(blocks: &[[f64; 2]]) -> bool {
 }
 
 /// Power of what two models leave of each block of the rows that were not fitted, in units of noise, of the signal that
-/// shows most.
-fn blocks_of_power(problem: &Problem<'_>, models: [&Model; 2]) -> Vec<[f64; 2]> {
+/// shows most. Rows count as in [`gaps`]: a second in which the table creeps outweighs a minute here as well.
+fn blocks_of_power(problem: &Problem<'_>, weighed: &Problem<'_>, models: [&Model; 2]) -> Vec<[f64; 2]> {
     let length = (BLOCK_S / problem.machine.cycle.period.as_s()) as usize;
     let floors: [Option<f64>; SIGNALS.len()] =
-        std::array::from_fn(|signal| problem.floor(signal, Part::Held));
+        std::array::from_fn(|signal| problem.floor_of_told(signal, Part::Held, weighed));
     let mut blocks = Vec::new();
     for place in problem.places(Part::Held) {
         let rows = problem.data[place].rows(Part::Held);
         let simulated = models.map(|model| problem.simulated(place, model));
         let left: Vec<[Vec<f64>; 2]> = SIGNALS
             .iter()
-            .zip(&floors)
-            .filter_map(|((.., pick), floor)| {
-                let floor = (*floor)?;
+            .enumerate()
+            .filter_map(|(signal, (.., pick))| {
+                let floor = floors[signal]?;
                 let of = |simulated: &Signals| -> Vec<f64> {
                     let left = problem.left(place, simulated, *pick, Part::Held);
-                    left.iter().map(|value| (value / floor).powi(2)).collect()
+                    let told = problem.told(place, signal, weighed);
+                    left.iter().zip(told).map(|(value, told)| told * (value / floor).powi(2)).collect()
                 };
                 Some(simulated.each_ref().map(of))
             })
