@@ -41,8 +41,9 @@ use effects::step::Bare;
 use friction::Law;
 use maps::Motion;
 
-/// A standing table leans on a flank with this share of what friction holds, and more: less may be the noise of a current.
-const LEANS: f64 = 0.02;
+/// Shares of what friction holds: a standing table that is pulled with the second and more leans on a flank; with the first and less it is
+/// taken to hang free between both, for that may be the noise of a current.
+const LEANS: [f64; 2] = [0.01, 0.02];
 /// Steps of a tick while the table creeps, reverses or may break away.
 pub const FINE_STEPS: u32 = 10;
 /// A dead time of the actuator is shorter than so many ticks: that of any machine file with any delay that is tried beside it, in the
@@ -125,14 +126,16 @@ impl Plant {
     }
 
     /// An axis that friction holds at rest against this force of its motor, wound up by it; its motor is at zero now, at a place of
-    /// the machine. Play is taken up on the side of the force, and the less of it the nearer the force is to none.
+    /// the machine. Play is taken up on the side of the force, less of it where the force is little, and none where it is as good as none.
     ///
     /// # Panics
     /// As [`Plant::new`].
     pub fn standing(axis: &Parameters, tick: Span, force: Force, place: Position) -> Self {
         let held_n = Law::new(axis.friction).breakaway().as_n();
         let force_n = force.as_n().clamp(-held_n, held_n);
-        let side = (force_n / (LEANS * held_n).max(f64::MIN_POSITIVE)).clamp(-1.0, 1.0);
+        let [free_n, leans_n] = LEANS.map(|share| share * held_n);
+        let leant = (force_n.abs() - free_n) / (leans_n - free_n).max(f64::MIN_POSITIVE);
+        let side = leant.clamp(0.0, 1.0).copysign(force_n);
         let motion = [0.0, 0.0, 0.0, force_n, 0.0];
         let gap = Gap::new(axis.mechanics.backlash_m);
         let mut plant = Self::from_state(axis, tick, FINE_STEPS, motion, 0.0, gap)

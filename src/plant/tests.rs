@@ -323,3 +323,23 @@ fn an_axis_that_stands_wound_up_stays_where_it_is() {
         }
     }
 }
+
+#[test]
+fn a_standing_table_that_hardly_anything_pulls_hangs_between_the_flanks() {
+    let mut axis = paper_axis();
+    axis.mechanics.backlash_m = 5e-6;
+    let held_n = Law::new(axis.friction).breakaway().as_n();
+    let play_um = |share: f64| {
+        let force = Force::n(share * held_n);
+        let state = Plant::standing(&axis, TICK, force, Position::ZERO).state();
+        let wound = Position::m(force.as_n() / axis.mechanics.stiffness_n_per_m);
+        (state.motor_position - state.table_position - wound).as_um()
+    };
+    // As much as the mean of a few rows of a current is off, in parts of a percent.
+    for (share, expected_um) in
+        [(0.0, 0.0), (0.003, 0.0), (-0.01, 0.0), (0.015, 1.25), (-0.02, -2.5), (0.4, 2.5)]
+    {
+        let got_um = play_um(share);
+        assert!((got_um - expected_um).abs() < 1e-6, "at {share}: {got_um} um of {expected_um}");
+    }
+}
