@@ -53,7 +53,10 @@ pub(super) fn foretold(problem: &Problem<'_>, model: &Model) -> Option<f64> {
     let tone = |signal: usize| {
         let left: Vec<&[f64]> =
             runs.iter().filter_map(|run| Some(run.left.get(signal)?.as_slice())).collect();
-        tones(&left, length).iter().filter_map(|line| sure_sum(line)).reduce(f64::max)
+        tones(&left, length, problem.machine.cycle.position_every)
+            .iter()
+            .filter_map(|line| sure_sum(line))
+            .reduce(f64::max)
     };
     let of_shapes = shapes.par_iter().filter_map(shape).reduce_with(f64::max);
     (0..signals).filter_map(tone).chain(of_shapes).reduce(f64::max)

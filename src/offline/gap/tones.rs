@@ -5,6 +5,8 @@
 //!   what is left ──► windows of a second ──► power of each line ──► over the mean of the lines about it
 //! ```
 //!
+//! A loop that acts once in so many cycles moves the current in steps of its encoder: these lines, and what folds onto them, are
+//! no tones.
 //! Units: what is left is whitened, so that a line of noise has a mean of 2 in a window; what is more is a gain, as of a
 //! shape.
 //! Invariant: noise of any smooth spectrum has no gain on average.
@@ -17,17 +19,22 @@ use rustfft::FftPlanner;
 /// Lines on either side, from the nearest that a window keeps apart to the furthest, that are its neighbourhood.
 const ABOUT: [usize; 2] = [3, 12];
 
-/// By line, the gain of each window of so many rows of all runs.
-pub(super) fn tones(runs: &[&[f64]], length: usize) -> Vec<Vec<f64>> {
+/// By line, the gain of each window of so many rows of all runs; none of lines of a loop that acts every so many rows.
+pub(super) fn tones(runs: &[&[f64]], length: usize, loop_every: u32) -> Vec<Vec<f64>> {
     let transform = FftPlanner::new().plan_fft_forward(length);
     let hann: Vec<f64> = (0..length).map(|row| 1.0 - (TAU * row as f64 / length as f64).cos()).collect();
+    let of_loop = length as f64 / f64::from(loop_every);
+    let is_of_loop = |line: usize| {
+        let above = line as f64 % of_loop;
+        above.min(of_loop - above) < ABOUT[0] as f64
+    };
     let mut lines = vec![Vec::new(); (length / 2).saturating_sub(2 * ABOUT[1])];
     for window in runs.iter().flat_map(|left| left.chunks_exact(length)) {
         let mut spectrum: Vec<Complex<f64>> =
             window.iter().zip(&hann).map(|(left, weight)| Complex::from(left * weight)).collect();
         transform.process(&mut spectrum);
         let power: Vec<f64> = spectrum[..length / 2].iter().map(|line| line.norm_sqr()).collect();
-        for (line, gains) in (ABOUT[1]..).zip(&mut lines) {
+        for (line, gains) in (ABOUT[1]..).zip(&mut lines).filter(|(line, _)| !is_of_loop(*line)) {
             let sides = [line - ABOUT[1]..line - ABOUT[0] + 1, line + ABOUT[0]..line + ABOUT[1] + 1];
             let about: f64 = sides.into_iter().flat_map(|side| &power[side]).sum();
             let mean = about / (2 * (ABOUT[1] - ABOUT[0] + 1)) as f64;
@@ -57,8 +64,20 @@ mod tests {
                 .collect::<Vec<f64>>()
         };
         let left: Vec<f64> = (0..80).flat_map(window).collect();
-        let gains = tones(&[&left], LENGTH);
-        gains.iter().map(|gains| gains.iter().sum::<f64>() / gains.len() as f64).collect()
+        let gains = tones(&[&left], LENGTH, 4);
+        gains
+            .iter()
+            .filter(|gains| !gains.is_empty())
+            .map(|gains| gains.iter().sum::<f64>() / gains.len() as f64)
+            .collect()
+    }
+
+    #[test]
+    fn what_a_loop_does_each_time_it_acts_is_no_tone() {
+        let left: Vec<f64> = (0..4 * LENGTH).map(|row| if row % 4 == 0 { 1.0 } else { 0.0 }).collect();
+        let [own, another] = [4, 3].map(|every| tones(&[&left], LENGTH, every));
+        assert!(own[LENGTH / 4 - ABOUT[1]].is_empty());
+        assert!(another[LENGTH / 4 - ABOUT[1]].iter().all(|gain| *gain > 100.0));
     }
 
     #[test]
