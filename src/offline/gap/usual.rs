@@ -10,8 +10,10 @@
 //! pass. What of them is not sure stays with the base.
 //! Invariant: in the end effects with a name come first, in the order of their names.
 
+use nalgebra::DMatrix;
+
 use super::blocks::Blocks;
-use super::fit::{Effort, Fitted, fit};
+use super::fit::{Effort, Fitted, believed, fit};
 use super::gates::{Candidate, is_sure, judged};
 use super::linear::{Loss, residuals};
 use super::model::{Model, Tried};
@@ -20,7 +22,7 @@ use super::near::margin;
 use super::problem::{Part, Problem, Residual};
 use super::refit::ITERATIONS;
 use super::without::Without;
-use crate::plant::effects::{Entry, entry};
+use crate::plant::effects::{Entry, entry, neutral_with_force_mm};
 
 /// Names of these effects.
 const USUAL: [&str; 2] = ["viscous-friction", "constant-force"];
@@ -64,7 +66,7 @@ pub(super) fn told(
     rows: [usize; 2],
 ) -> Told {
     let (usual, all) = (start.effects.len(), model.model.effects.len());
-    let mut model = model.clone();
+    let mut model = of_the_spring(model.clone());
     let (mut named, mut places, mut refused) = (Vec::new(), Vec::new(), Vec::new());
     for place in 0..usual {
         let last = (0..all).filter(|other| *other != place).chain([place]);
@@ -97,6 +99,32 @@ pub(super) fn told(
     Told { named, places, refused, model: model.in_order(&order) }
 }
 
+/// The same model where a constant force beside a spring is that of the spring: of the two only the sum is known, and one name says
+/// it.
+fn of_the_spring(mut fitted: Fitted) -> Fitted {
+    let place = |name: &str| fitted.model.effects.iter().position(|tried| tried.entry.name == name);
+    let (Some(spring), Some(constant)) = (place("spring-load"), place("constant-force")) else {
+        return fitted;
+    };
+    let [at, force] = [spring, constant].map(|place| fitted.model.first_coordinate(place));
+    let [of_spring, of_force] = [spring, constant].map(|place| fitted.model.effects[place].entry.parameters);
+    let [n_per_mm, neutral_mm] = [0, 1].map(|of| fitted.model.effects[spring].values[of]);
+    let force_n = std::mem::take(&mut fitted.model.effects[constant].values[0]);
+    if n_per_mm == 0.0 || force_n == 0.0 {
+        return fitted;
+    }
+    let moved_mm = neutral_with_force_mm([n_per_mm, neutral_mm], force_n);
+    fitted.model.effects[spring].values[1] = moved_mm;
+    // How the neutral point moves with force and stiffness, in coordinates.
+    let mut moves = DMatrix::identity(fitted.covariance.nrows(), fitted.covariance.ncols());
+    let per_mm = 1.0 / of_spring[1].prior;
+    moves[(at + 1, force)] = of_force[0].prior / n_per_mm * per_mm;
+    moves[(at + 1, at)] = -force_n / n_per_mm.powi(2) * of_spring[0].prior * per_mm;
+    fitted.covariance = &moves * &fitted.covariance * moves.transpose();
+    fitted.total = fitted.cost + believed(&fitted.model);
+    fitted
+}
+
 /// A model fitted with what no data tell from one of its effects in the place of that, as large as makes up for it.
 fn aliases(problem: &Problem<'_>, model: &Model, place: usize) -> Vec<Fitted> {
     let without = model.without(place);
@@ -120,4 +148,43 @@ fn share(left: &[Residual], tried: &[Residual]) -> f64 {
         squared += weight * column * column;
     }
     if squared > 0.0 { crossed / squared } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plant::tests::paper_axis;
+
+    #[test]
+    fn a_constant_force_beside_a_spring_only_moves_its_neutral_point() {
+        let tried = |name, of: &[f64]| {
+            let entry = entry(name).expect("an effect");
+            let mut values = entry.nominal();
+            values[..of.len()].copy_from_slice(of);
+            Tried { entry, values }
+        };
+        let model = Model::new(paper_axis())
+            .with(tried("constant-force", &[-120.0]))
+            .with(tried("spring-load", &[1.2, 99.0]));
+        // Only the sum is known, by 2 N: what the force is more, the spring is less.
+        let count = model.coordinate_count();
+        let mut covariance = DMatrix::identity(count, count) * 1e-8;
+        let [force, spring] = [0, 1].map(|place| model.first_coordinate(place));
+        let (prior_n, prior_mm) =
+            (model.effects[0].entry.parameters[0].prior, model.effects[1].entry.parameters[1].prior);
+        let (alone_n, sum_n) = (300.0, 2.0);
+        let of_force = f64::powi(alone_n / prior_n, 2);
+        covariance[(force, force)] = of_force;
+        let against = -(alone_n / prior_n) * (alone_n / 1.2 / prior_mm);
+        covariance[(force, spring + 1)] = against;
+        covariance[(spring + 1, force)] = against;
+        covariance[(spring + 1, spring + 1)] =
+            (alone_n / 1.2 / prior_mm).powi(2) + (sum_n / 1.2 / prior_mm).powi(2);
+        let fitted = of_the_spring(Fitted { model, cost: 1.0, total: 2.0, covariance });
+        let [of_force, of_spring] = [0, 1].map(|place| fitted.model.effects[place].values);
+        assert_eq!(of_force[0], 0.0);
+        assert!((of_spring[1] - -1.0).abs() < 1e-9, "{}", of_spring[1]);
+        let sigma_mm = fitted.covariance[(spring + 1, spring + 1)].sqrt() * prior_mm;
+        assert!((sigma_mm - sum_n / 1.2).abs() < 0.02, "{sigma_mm}");
+    }
 }

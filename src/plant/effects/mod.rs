@@ -54,6 +54,7 @@ mod reversal_compensation;
 pub use catalogue::{Coordinate, Effects, Entry, Experiment, Parameter, VALUES_MAX, Values, entry};
 pub use hooks::Neighbour;
 pub(in crate::plant) use hooks::{Action, Pace};
+pub use spring_load::neutral_with_force_mm;
 
 /// Every effect there is.
 pub const CATALOGUE: &[Entry] = &[

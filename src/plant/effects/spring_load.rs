@@ -22,6 +22,12 @@ pub(super) const ENTRY: Entry = Entry {
     }),
 };
 
+/// Where a spring of so many N/mm whose neutral point is known pulls with no force once a constant force pulls with it, mm:
+/// `-k (x_t - x_0) + F = -k (x_t - x_0 - F / k)`. No log tells the two from one spring.
+pub fn neutral_with_force_mm([n_per_mm, neutral_mm]: [f64; 2], force_n: f64) -> f64 {
+    neutral_mm + force_n / n_per_mm
+}
+
 #[derive(Debug)]
 struct Spring {
     n_per_m: f64,
