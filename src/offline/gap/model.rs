@@ -154,13 +154,15 @@ pub const BASE: [Base; 11] = [
 const AT_BOUND: f64 = 1e-4;
 /// An effect, another that changes much the same, and the values of that one.
 type Alike = (&'static str, &'static str, fn(&Values) -> Values);
-const ALIKE: [Alike; 4] = [
+const ALIKE: [Alike; 5] = [
     ("actuator-delay", "current-loop-lag", |values| [values[0], 0.0, 0.0]),
     ("current-loop-lag", "actuator-delay", |values| [values[0], 0.0, 0.0]),
     // A zone that is all soft is play, from one of its ends to the other.
     ("soft-zone", "backlash", |values| [2e-2 * values[0] * values[1], 0.0, 0.0]),
     // As much play, in a zone as soft as usual.
     ("backlash", "soft-zone", |values| [60.0, values[0] / 1.2, 0.0]),
+    // What has grown before anybody looks is a scale.
+    ("thermal-growth", "scale-error", |values| [values[0], 0.0, 0.0]),
 ];
 
 /// An effect with the values it is tried with.
@@ -377,6 +379,9 @@ mod tests {
         assert_eq!(other.with_last_as_alike().expect("a lag").effects[1].entry.name, "current-loop-lag");
         let again = play.with_last_as_alike().and_then(|zone| zone.with_last_as_alike()).expect("a backlash");
         assert!((again.effects[0].values[0] - 3.6).abs() < 1e-9, "{:?}", again.effects[0].values);
+        let grown =
+            Model::new(paper_axis()).with(tried("thermal-growth")).with_last_as_alike().expect("a scale");
+        assert_eq!((grown.effects[0].entry.name, grown.effects[0].values[0]), ("scale-error", 700.0));
         assert!(Model::new(paper_axis()).with(tried("stribeck")).with_last_as_alike().is_none());
     }
 }
