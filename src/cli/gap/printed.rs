@@ -182,7 +182,7 @@ impl Printed {
                 gap: axis.gap.clone(),
                 left_per_row: [
                     axis.named.model.cost / fit.max(1) as f64,
-                    axis.named.held / held.max(1) as f64,
+                    axis.named.held()[1] / held.max(1) as f64,
                 ],
                 runs: axis
                     .runs_left

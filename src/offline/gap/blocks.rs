@@ -16,9 +16,12 @@ const DRAWS: (usize, usize) = (4_000, 4);
 /// out.
 const LEFT_OUT: usize = 3;
 
-/// Cost of the rows that were not fitted, block by block.
+/// Share of the blocks that may be of chance: one slip that comes a moment later, or somebody who leaned on the table.
+const OF_CHANCE: f64 = 0.05;
+
+/// Cost of the rows that were not fitted, block by block, and how many values count in each.
 #[derive(Clone, Debug)]
-pub(super) struct Blocks(Vec<f64>);
+pub(super) struct Blocks(Vec<(f64, usize)>);
 
 impl Blocks {
     pub(super) fn new(problem: &Problem<'_>, model: &Model) -> Self {
@@ -27,10 +30,11 @@ impl Blocks {
         for residual in residuals(problem, model, Part::Held) {
             let rows = residual.iter().map(Vec::len).max().unwrap_or(0);
             for from in (0..rows).step_by(length) {
-                let of = |signal: &Vec<f64>| {
-                    signal.iter().skip(from).take(length).map(|value| Loss::LAST.of(*value)).sum::<f64>()
-                };
-                blocks.push(residual.iter().map(of).sum());
+                // A row that does not count is zero.
+                let values =
+                    || residual.iter().flat_map(|signal| signal.iter().skip(from).take(length)).copied();
+                let cost = values().map(|value| Loss::LAST.of(value)).sum();
+                blocks.push((cost, values().filter(|value| *value != 0.0).count()));
             }
         }
         Self(blocks)
@@ -38,12 +42,20 @@ impl Blocks {
 
     /// Of known costs.
     #[cfg(test)]
-    pub(super) const fn of(costs: Vec<f64>) -> Self {
-        Self(costs)
+    pub(super) fn of(costs: Vec<f64>) -> Self {
+        Self(costs.into_iter().map(|cost| (cost, 400)).collect())
     }
 
     pub(super) fn cost(&self) -> f64 {
-        self.0.iter().sum()
+        self.0.iter().map(|(cost, _)| cost).sum()
+    }
+
+    /// Whether they cost more than noise, which costs one for each value, whatever chance did in a few of them.
+    pub(super) fn costs_more_than_noise(&self) -> bool {
+        let mut excesses: Vec<f64> = self.0.iter().map(|(cost, count)| cost - *count as f64).collect();
+        excesses.sort_by(f64::total_cmp);
+        excesses.truncate(excesses.len() - (OF_CHANCE * excesses.len() as f64).ceil() as usize);
+        excesses.iter().sum::<f64>() > 0.0
     }
 
     /// Whether they are worse than others also without the [`LEFT_OUT`] that speak most for it.
@@ -55,7 +67,7 @@ impl Blocks {
     }
 
     fn falls_to(&self, other: &Self) -> Vec<f64> {
-        self.0.iter().zip(&other.0).map(|(a, b)| a - b).collect()
+        self.0.iter().zip(&other.0).map(|((own, _), (other, _))| own - other).collect()
     }
 
     /// Whether blocks drawn again are worse than others in all but [`DRAWS`].
@@ -82,7 +94,7 @@ mod tests {
     fn falling(by: f64, scatter: f64) -> [Blocks; 2] {
         let fall = |block: usize| by + scatter * (TAU * block as f64 * 0.37).sin();
         let without: Vec<f64> = (0..60).map(|block| 400.0 + fall(block)).collect();
-        [Blocks(without), Blocks(vec![400.0; 60])]
+        [Blocks::of(without), Blocks::of(vec![400.0; 60])]
     }
 
     #[test]
@@ -97,11 +109,27 @@ mod tests {
     }
 
     #[test]
+    fn blocks_cost_more_than_noise_if_all_but_a_few_do() {
+        // One in twenty of each.
+        for (usual, few, is_more) in [(390.0, 4_000.0, false), (410.0, 400.0, true), (390.0, 380.0, false)] {
+            let cost = |block: usize| if block % 20 == 0 { few } else { usual };
+            assert_eq!(
+                Blocks::of((0..60).map(cost).collect()).costs_more_than_noise(),
+                is_more,
+                "{usual}, {few}"
+            );
+        }
+        // Where half of them do.
+        let half = (0..60).map(|block| if block % 2 == 0 { 500.0 } else { 380.0 });
+        assert!(Blocks::of(half.collect()).costs_more_than_noise());
+    }
+
+    #[test]
     fn a_fall_at_each_reversal_is_no_chance_event() {
-        let with = Blocks(vec![400.0; 45]);
+        let with = Blocks::of(vec![400.0; 45]);
         for (reversals, in_many) in [(4, true), (3, false), (1, false)] {
             let fall = |block: usize| if block < reversals { 1_800.0 } else { -1.0 };
-            let without = Blocks((0..45).map(|block| 400.0 + fall(block)).collect());
+            let without = Blocks::of((0..45).map(|block| 400.0 + fall(block)).collect());
             assert!(!without.is_surely_worse_than(&with), "too few for draws");
             assert_eq!(without.is_worse_in_many_than(&with), in_many, "{reversals} reversals");
         }

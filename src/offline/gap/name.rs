@@ -48,12 +48,10 @@ pub struct Named {
     pub clocks_behind_s: Option<Vec<f64>>,
     /// The base alone.
     pub base: Fitted,
-    /// Its cost on the rows that were not fitted.
-    pub base_held: f64,
     /// Base and all that was named.
     pub model: Fitted,
-    /// Its cost there.
-    pub held: f64,
+    /// What both cost on the rows that were not fitted.
+    pub(super) blocks: [Blocks; 2],
     /// What was named, in order, with what could not be told from it.
     pub effects: Vec<NamedEffect>,
     /// The best that failed a gate in the last round.
@@ -65,6 +63,11 @@ pub struct Named {
 }
 
 impl Named {
+    /// Costs of the base and of all that was named on the rows that were not fitted.
+    pub fn held(&self) -> [f64; 2] {
+        self.blocks.each_ref().map(Blocks::cost)
+    }
+
     /// Takes back what was named: it passed every gate and explains too little all the same.
     pub fn withdraw(&mut self) {
         for effect in self.effects.drain(..) {
@@ -74,7 +77,8 @@ impl Named {
                 candidate
             }));
         }
-        (self.model, self.held) = (self.base.clone(), self.base_held);
+        self.model = self.base.clone();
+        self.blocks[1] = self.blocks[0].clone();
     }
 }
 
@@ -284,9 +288,9 @@ pub fn name<'m>(
     effects.extend(told.named);
     refused.extend(told.refused);
     smallest.retain(|one| effects.iter().all(|named| named.name != one.name));
-    let [base_held, held] = [&base, &told.model].map(|fitted| Blocks::new(&problem, &fitted.model).cost());
+    let blocks = [&base, &told.model].map(|fitted| Blocks::new(&problem, &fitted.model));
     let model = told.model;
-    (Named { clocks_behind_s, base, base_held, model, held, effects, refused, smallest, rows }, problem)
+    (Named { clocks_behind_s, base, model, blocks, effects, refused, smallest, rows }, problem)
 }
 
 /// A class with how probable each member is. Tempered: what is near a tie is to be told as one.

@@ -131,15 +131,16 @@ pub(super) fn gaps(
     (0..SIGNALS.len()).filter_map(of).collect()
 }
 
-/// Noise costs one per row: an rms also counts what is slow, which passes do not repeat.
+/// An rms also counts what is slow, which passes do not repeat.
 fn costs_more_than_noise(named: &Named) -> bool {
-    named.held > named.rows[1] as f64
+    named.blocks[1].costs_more_than_noise()
 }
 
 /// Whether what is left has a shape that all runs share, which is something real; where names explain twenty times as much, it
 /// may be their equations that are off.
 pub(super) fn leaves_a_shape(problem: &Problem<'_>, named: &Named) -> bool {
-    let explained = (named.base.cost - named.model.cost) + (named.base_held - named.held);
+    let [base, model] = named.held();
+    let explained = (named.base.cost - named.model.cost) + (base - model);
     foretold(problem, &named.model.model).is_some_and(|left| left > LEFT_SHARE * explained)
 }
 
