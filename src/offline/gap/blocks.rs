@@ -112,7 +112,7 @@ mod tests {
     fn blocks_cost_more_than_noise_if_all_but_a_few_do() {
         // One in twenty of each.
         for (usual, few, is_more) in [(390.0, 4_000.0, false), (410.0, 400.0, true), (390.0, 380.0, false)] {
-            let cost = |block: usize| if block % 20 == 0 { few } else { usual };
+            let cost = |block: usize| if block.is_multiple_of(20) { few } else { usual };
             assert_eq!(
                 Blocks::of((0..60).map(cost).collect()).costs_more_than_noise(),
                 is_more,
@@ -120,7 +120,7 @@ mod tests {
             );
         }
         // Where half of them do.
-        let half = (0..60).map(|block| if block % 2 == 0 { 500.0 } else { 380.0 });
+        let half = (0..60_usize).map(|block| if block.is_multiple_of(2) { 500.0 } else { 380.0 });
         assert!(Blocks::of(half.collect()).costs_more_than_noise());
     }
 

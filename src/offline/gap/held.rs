@@ -4,8 +4,10 @@
 
 use std::collections::BTreeMap;
 
+use super::circles::circles_of;
 use super::repeats::Repeat;
 use super::runs::Run;
+use crate::base::axis::AxisId;
 
 /// Which runs have the same command: a number for each run.
 pub(super) fn groups(runs: &[Run], repeats: &[Repeat]) -> Vec<usize> {
@@ -29,24 +31,16 @@ pub(super) fn held_groups(runs: &[Run], groups: &[usize]) -> Option<Vec<usize>> 
     if !called.is_empty() && called.len() < runs.len() {
         return Some(called);
     }
-    let feed = |run: &Run| -> f64 {
-        let steps = run.axes.values().map(|axis| {
-            axis.setpoint_m.windows(2).map(|pair| (pair[1] - pair[0]).abs()).fold(0.0, f64::max)
-                / run.period_s
-        });
-        steps.fold(0.0, f64::max)
-    };
-    let is_circle = |run: &Run| {
-        let moving = run
-            .axes
-            .values()
-            .filter(|axis| axis.setpoint_m.iter().any(|at| (at - axis.setpoint_m[0]).abs() > 1e-4));
-        moving.count() >= 2
+    // Small reversals and strokes of two axes at once are none: how a table creeps in them is left to chance, and they would judge alone.
+    let feed = |run: &Run| {
+        let [x, y] = [AxisId::X, AxisId::Y].map(|id| run.axes.get(&id));
+        let found = circles_of(run.period_s, [&x?.setpoint_m, &y?.setpoint_m]);
+        found.first().map(|(circle, _)| circle.feed.as_mm_per_min())
     };
     let mut circles: BTreeMap<usize, f64> = BTreeMap::new();
     for (run, group) in runs.iter().zip(groups) {
-        if is_circle(run) {
-            circles.entry(*group).or_insert_with(|| feed(run));
+        if let Some(feed) = feed(run) {
+            circles.entry(*group).or_insert(feed);
         }
     }
     if circles.len() < 3 {
@@ -55,4 +49,50 @@ pub(super) fn held_groups(runs: &[Run], groups: &[usize]) -> Option<Vec<usize>> 
     let mut by_feed: Vec<(usize, f64)> = circles.into_iter().collect();
     by_feed.sort_by(|a, b| a.1.total_cmp(&b.1));
     Some(vec![by_feed[by_feed.len() / 2].0])
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::TAU;
+
+    use super::super::runs::AxisRun;
+    use super::*;
+
+    const PERIOD_S: f64 = 5e-4;
+
+    /// A run of two axes whose setpoints are so at a time.
+    fn run(seconds: f64, at: impl Fn(f64) -> [f64; 2]) -> Run {
+        let rows = (seconds / PERIOD_S) as usize;
+        let axis = |which: usize| AxisRun {
+            setpoint_m: (0..rows).map(|row| at(row as f64 * PERIOD_S)[which]).collect(),
+            position_m: vec![0.0; rows],
+            table_m: None,
+            current_a: vec![0.0; rows],
+        };
+        Run {
+            name: "all, part 1".into(),
+            start_s: 0.0,
+            period_s: PERIOD_S,
+            axes: [(AxisId::X, axis(0)), (AxisId::Y, axis(1))].into(),
+            is_sound: vec![true; rows],
+        }
+    }
+
+    #[test]
+    fn the_middle_feed_of_circles_judges_and_nothing_else_that_two_axes_do_at_once() {
+        let circle = |feed_m_per_s: f64| {
+            let turn_s = TAU * 0.012 / feed_m_per_s;
+            run(2.2 * turn_s, |t_s| {
+                let angle = TAU * t_s / turn_s;
+                [0.012 * angle.cos(), 0.012 * angle.sin()]
+            })
+        };
+        // Along a line, with speeds between those of the circles.
+        let strokes =
+            |amplitude_m: f64| run(6.0, |t_s| [1.0, 0.8].map(|of| of * amplitude_m * (TAU * t_s).sin()));
+        let runs = [strokes(0.004), circle(0.03), strokes(0.008), circle(0.15), circle(0.06)];
+        let groups = groups(&runs, &[]);
+        assert_eq!(held_groups(&runs, &groups), Some(vec![4]));
+        assert_eq!(held_groups(&runs[..4], &groups[..4]), None, "two circles have none between them");
+    }
 }

@@ -74,7 +74,8 @@ mod tests {
 
     #[test]
     fn what_a_loop_does_each_time_it_acts_is_no_tone() {
-        let left: Vec<f64> = (0..4 * LENGTH).map(|row| if row % 4 == 0 { 1.0 } else { 0.0 }).collect();
+        let left: Vec<f64> =
+            (0..4 * LENGTH).map(|row| if row.is_multiple_of(4) { 1.0 } else { 0.0 }).collect();
         let [own, another] = [4, 3].map(|every| tones(&[&left], LENGTH, every));
         assert!(own[LENGTH / 4 - ABOUT[1]].is_empty());
         assert!(another[LENGTH / 4 - ABOUT[1]].iter().all(|gain| *gain > 100.0));
