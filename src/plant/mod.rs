@@ -84,6 +84,7 @@ pub struct Plant {
     early: Option<Part>,
     late: Part,
     body: Body,
+    bare: Bare,
     acting: Option<Arc<Acting>>,
 }
 
@@ -224,6 +225,7 @@ impl Plant {
                 origin_m: 0.0,
                 remembered: acting.as_ref().map_or(Remembered::REST, |acting| acting.remembered(0.0, 0.0)),
             },
+            bare: Bare { push_n: axis.effects.push_n() },
             acting: acting.map(Arc::new),
         }
     }
@@ -271,12 +273,18 @@ impl Plant {
             self.pending_n[age + 1] = self.pending_n[age];
         }
         self.pending_n[0] = held_a * self.force_per_current;
-        let Self { early, late, body, acting, pending_n, dead_ticks, filter, .. } = self;
+        let Self { early, late, body, acting, bare, tick, pending_n, dead_ticks, filter, .. } = self;
         let commands_n = filter.passed([pending_n[*dead_ticks + 1], pending_n[*dead_ticks]]);
         let (parts, pieces) = ((early.as_ref(), &*late), filter.pieces());
         match acting {
-            None => body.tick(parts, &commands_n, pieces, &Bare),
-            Some(acting) => body.tick_with_effects(parts, &commands_n, pieces, acting),
+            Some(acting) if acting.moves(&body.remembered) => {
+                body.tick_with_effects(parts, &commands_n, pieces, acting);
+            }
+            // What only shows too much goes on with the time.
+            _ => {
+                body.tick(parts, &commands_n, pieces, bare);
+                body.remembered.time_s += tick.as_s();
+            }
         }
         held_a != command.as_a()
     }
@@ -311,7 +319,7 @@ impl Plant {
 pub fn steady_force(axis: &Parameters, velocity: Velocity, place: Position) -> Force {
     let law = Law::new(axis.friction);
     match Acting::new(axis) {
-        None => law.sliding(velocity),
+        None => law.sliding(velocity) - Force::n(axis.effects.push_n()),
         Some(acting) => acting.steady_force(&law, velocity, place),
     }
 }

@@ -50,6 +50,8 @@ impl Forced {
 #[derive(Debug)]
 pub(in crate::plant) struct Acting {
     effects: Effects,
+    /// A force on the table that is always the same, N.
+    pub(super) push_n: f64,
     /// How fast the forces change while the table runs; those of bristles tell themselves.
     pub(super) pace: Pace,
     pub(super) friction: Vec<Box<dyn Friction>>,
@@ -63,7 +65,7 @@ pub(in crate::plant) struct Acting {
 impl Acting {
     /// The effects of an axis; nothing where its plant has none.
     pub(in crate::plant) fn new(axis: &Parameters) -> Option<Self> {
-        let is_of_plant = |(entry, _): (&Entry, &Values)| !entry.is_of_control();
+        let is_of_plant = |(entry, _): (&Entry, &Values)| !entry.is_of_control() && !entry.is_of_base();
         axis.effects.present().any(is_of_plant).then(|| Self::of(axis, axis.effects.present()))
     }
 
@@ -74,6 +76,7 @@ impl Acting {
     ) -> Self {
         let mut acting = Self {
             effects: axis.effects,
+            push_n: axis.effects.push_n(),
             pace: Pace::Slow,
             friction: Vec::new(),
             forces: Vec::new(),
@@ -85,8 +88,8 @@ impl Acting {
         let mut memories = 0;
         for (entry, values) in effects {
             match entry.action {
-                // Is in the parameters already; is no matter of the plant.
-                Action::Parameter(_) | Action::Control(_) => {}
+                // Is in the parameters already; is taken from all of them; is no matter of the plant.
+                Action::Parameter(_) | Action::Push(_) | Action::Control(_) => {}
                 Action::Friction(make) => acting.friction.push(make(values, axis)),
                 Action::Bristles(make) => acting.bristles = Some(make(values, axis)),
                 Action::Force(make) => {
@@ -112,6 +115,12 @@ impl Acting {
             forced.force.prepare(&mut prepared);
         }
         prepared
+    }
+
+    /// Whether it changes now how the axis moves, and not only what its sensors show.
+    pub(in crate::plant) fn moves(&self, all: &Remembered) -> bool {
+        let is_loaded = !self.friction.is_empty() || !self.forces.is_empty() || self.bristles.is_some();
+        is_loaded || all.pushed_n != 0.0
     }
 
     /// Whether a step changes what is remembered, but for the time.
@@ -184,8 +193,9 @@ impl Acting {
         let mut factor = 1.0;
         let mut sum_n = even_n;
         for friction in &self.friction {
-            sum_n += friction.added_n(at);
-            factor *= friction.factor(at);
+            let [added_n, by] = friction.both(at);
+            sum_n += added_n;
+            factor *= by;
         }
         (sum_n * factor).max(0.0)
     }
@@ -193,7 +203,7 @@ impl Acting {
     /// Forces on the table but those of screw and friction, N.
     pub(in crate::plant) fn on_table_n(&self, at: &Instant, all: &Remembered) -> f64 {
         let of = |forced: &Forced| forced.force.on_table_n(at, forced.memory(all));
-        self.forces.iter().map(of).sum::<f64>() + all.pushed_n
+        self.forces.iter().map(of).sum::<f64>() + all.pushed_n + self.push_n
     }
 
     /// What motor encoder and table scale show too much at these places, m.

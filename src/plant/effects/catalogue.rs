@@ -282,6 +282,11 @@ impl Entry {
     pub const fn is_parameter(&self) -> bool {
         matches!(self.action, Action::Parameter(_))
     }
+
+    /// Whether a step of the base model has room for it.
+    pub(in crate::plant) const fn is_of_base(&self) -> bool {
+        matches!(self.action, Action::Parameter(_) | Action::Push(_))
+    }
 }
 
 /// The effect of a name.
@@ -327,6 +332,15 @@ impl Effects {
             }
         }
         otherwise
+    }
+
+    /// Force on the table that is always the same, N.
+    pub(in crate::plant) fn push_n(&self) -> f64 {
+        let of = |(entry, values): (&Entry, &Values)| match entry.action {
+            Action::Push(push_n) => push_n(values),
+            _ => 0.0,
+        };
+        self.present().map(of).sum()
     }
 
     /// The same with other values of one effect.

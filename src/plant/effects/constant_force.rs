@@ -2,10 +2,11 @@
 //!
 //! Positive in the direction of the axis. The zero of a current measurement looks the same in the current, but
 //! moves nothing when a drive without brake is let go.
+//! Nearly every axis has some: a step of the base model knows it, at no cost.
 //! Invariant: conservative.
 
 use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
-use super::hooks::{Action, Force, Instant, Memory, Pace};
+use super::hooks::Action;
 
 pub(super) const ENTRY: Entry = Entry {
     name: "constant-force",
@@ -16,19 +17,5 @@ pub(super) const ENTRY: Entry = Entry {
     experiment: Experiment::Sweep,
     aliases: &["direction-asymmetry"],
     law_of: None,
-    action: Action::Force(|values, _| Box::new(Constant { force_n: values[0] })),
+    action: Action::Push(|values| values[0]),
 };
-
-#[derive(Debug)]
-struct Constant {
-    force_n: f64,
-}
-
-impl Force for Constant {
-    fn on_table_n(&self, _at: &Instant, _memory: &Memory) -> f64 {
-        self.force_n
-    }
-    fn pace(&self) -> Pace {
-        Pace::Slow
-    }
-}

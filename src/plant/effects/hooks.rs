@@ -43,6 +43,10 @@ pub(in crate::plant) trait Friction: Debug + Send + Sync {
     fn factor(&self, _at: &Instant) -> f64 {
         1.0
     }
+    /// Both, in one call.
+    fn both(&self, at: &Instant) -> [f64; 2] {
+        [self.added_n(at), self.factor(at)]
+    }
 }
 
 /// How fast forces change while the table runs, and so how long a step may be.
@@ -77,6 +81,10 @@ pub(in crate::plant) trait Force: Debug + Send + Sync {
     /// What the screw seems to be deflected more, m: times its stiffness it pulls the table on and the motor back.
     fn stretch_m(&self, _at: &Instant) -> f64 {
         0.0
+    }
+    /// All three, in one call.
+    fn all(&self, at: &Instant, memory: &Memory) -> [f64; 3] {
+        [self.on_motor_n(at, memory), self.on_table_n(at, memory), self.stretch_m(at)]
     }
     /// How fast it changes while the table runs.
     fn pace(&self) -> Pace {
@@ -135,6 +143,8 @@ type Made<T> = fn(&Values, &Parameters) -> T;
 pub(in crate::plant) enum Action {
     /// As another value of a parameter that the base model has.
     Parameter(fn(&Values, &mut Parameters)),
+    /// As a force on the table that is always the same, N: a step of the base model has room for it.
+    Push(fn(&Values) -> f64),
     /// As friction.
     Friction(Made<Box<dyn Friction>>),
     /// As friction with a spring before it.
