@@ -27,6 +27,8 @@ const LATE_STEPS: usize = 32;
 pub struct Latch {
     latency: Span,
     step: Span,
+    /// The latency in whole steps and the share of one that is left, for a SYNC that ends a step.
+    usual: (usize, f64),
     /// Ends of steps, a ring.
     knots: Box<[Knot]>,
     newest: usize,
@@ -36,13 +38,14 @@ impl Latch {
     /// The latch of an axis that stands at zero and moves in steps of `step`.
     pub fn new(latency: Span, step: Span) -> Self {
         let rest = Knot { position: Position::ZERO, velocity: Velocity::ZERO };
-        let steps = (latency / step) as usize + LATE_STEPS;
-        Self { latency, step, knots: vec![rest; steps + 2].into(), newest: 0 }
+        let usual = in_steps(latency, step, i64::MAX);
+        Self { latency, step, usual, knots: vec![rest; usual.0 + LATE_STEPS + 2].into(), newest: 0 }
     }
 
     /// Another step is over; `now` is the state at its end.
     pub fn feed(&mut self, now: Knot) {
-        self.newest = (self.newest + 1) % self.knots.len();
+        // A division takes as long as all the rest.
+        self.newest = if self.newest + 1 == self.knots.len() { 0 } else { self.newest + 1 };
         self.knots[self.newest] = now;
     }
 
@@ -54,19 +57,29 @@ impl Latch {
             let Knot { position, velocity } = self.knot(0);
             return position + Position::m(velocity.as_m_per_s() * -back.as_s());
         }
-        let steps = (back / self.step).min(self.knots.len() as i64 - 2);
-        let age = (back - self.step * steps).as_s() / self.step.as_s();
-        let to = self.knot(steps as usize);
+        let (steps, age) = if after == Span::ZERO {
+            self.usual
+        } else {
+            in_steps(back, self.step, self.knots.len() as i64 - 2)
+        };
+        let to = self.knot(steps);
         if age == 0.0 {
             return to.position;
         }
-        between(&self.knot(steps as usize + 1), &to, 1.0 - age.min(1.0), self.step)
+        between(&self.knot(steps + 1), &to, 1.0 - age.min(1.0), self.step)
     }
 
     /// The end of a step, by how many came after it.
     fn knot(&self, back: usize) -> Knot {
-        self.knots[(self.newest + self.knots.len() - back) % self.knots.len()]
+        let around = if back <= self.newest { 0 } else { self.knots.len() };
+        self.knots[self.newest + around - back]
     }
+}
+
+/// A time in whole steps, at most so many, and the share of one that is left.
+fn in_steps(time: Span, step: Span, most: i64) -> (usize, f64) {
+    let steps = (time / step).min(most);
+    (steps as usize, (time - step * steps).as_s() / step.as_s())
 }
 
 /// Within a step: the cubic through position and velocity at both of its ends, at a share of the step from 0 to 1.

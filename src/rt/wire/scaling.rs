@@ -43,6 +43,11 @@ impl TravelCounts {
     pub const fn counts(value: i64) -> Self {
         Self(value)
     }
+    /// The whole number at or below: without the call that a floor is on most processors.
+    fn at_or_below(value: f64) -> Self {
+        let toward_zero = value as i64;
+        Self(toward_zero - i64::from(toward_zero as f64 > value))
+    }
     /// As a number of counts.
     pub const fn as_counts(self) -> i64 {
         self.0
@@ -180,11 +185,11 @@ impl AxisScale {
 
     /// What a motor encoder shows that was zero at position zero: the count at or below.
     pub fn motor_counts(&self, position: Position) -> TravelCounts {
-        TravelCounts((position.as_m() * self.counts_per_travel_m).floor() as i64)
+        TravelCounts::at_or_below(position.as_m() * self.counts_per_travel_m)
     }
     /// What a table scale shows that was zero at position zero: the count at or below.
     pub fn table_counts(&self, position: Position) -> TravelCounts {
-        TravelCounts((position.as_m() * self.table_counts_per_travel_m).floor() as i64)
+        TravelCounts::at_or_below(position.as_m() * self.table_counts_per_travel_m)
     }
     /// A current of the axis as it travels: to the nearest micro-ampere, held at the ends of the
     /// range. A NaN travels as zero; `rt/control` stops the axis for it.
@@ -236,6 +241,9 @@ mod tests {
         for counts in [-3, -1, 0, 1, 1 << 33] {
             let inside = (counts as f64 + 0.5) * 1e-5;
             assert_eq!(scale.table_counts(Position::mm(inside)), TravelCounts::counts(counts));
+        }
+        for (value, below) in [(-2.0, -2), (-0.1, -1), (0.0, 0), (2.9, 2), (f64::NAN, 0), (1e300, i64::MAX)] {
+            assert_eq!(TravelCounts::at_or_below(value), TravelCounts::counts(below), "{value}");
         }
         let back = scale.motor_position(scale.motor_counts(Position::um(123.0)));
         let resolution_um = 10_000.0 / f64::from(1 << 20);
