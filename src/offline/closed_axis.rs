@@ -72,6 +72,8 @@ enum Handover {
     /// Second row: the gains in question take over from the feed-forward.
     Swap,
     /// Nothing but to look for faults.
+    Watched,
+    /// Nothing: what is held against data has had none.
     Done,
 }
 
@@ -210,9 +212,10 @@ impl<'a> ClosedAxis<'a> {
             }
             Handover::Swap => {
                 self.loops.use_gains(ASKED, setpoint, &sample);
-                self.handover = Handover::Done;
+                self.handover = Handover::Watched;
             }
-            Handover::Done => self.fault = self.loops.violation(&sample),
+            Handover::Watched => self.fault = self.loops.violation(&sample),
+            Handover::Done => {}
         }
         let answer = self.loops.step(setpoint, &sample, is_position_tick);
         let asked = if pushed == Current::ZERO { answer.current } else { answer.current + pushed };
@@ -249,7 +252,7 @@ impl<'a> ClosedAxis<'a> {
         self.limits
     }
 
-    /// Why the cycle would have stopped the axis in it.
+    /// Why the cycle would have stopped the axis in it; nothing is looked for where it was taken over.
     pub const fn fault(&self) -> Option<Fault> {
         self.fault
     }
