@@ -2,6 +2,7 @@
 //!
 //! Invariant: the same runs give the same verdict, to the bit.
 
+use std::ops::Range;
 use std::time::Instant;
 
 use thiserror::Error;
@@ -9,15 +10,17 @@ use thiserror::Error;
 use super::consequence::{Consequence, consequence};
 use super::contour::{Contour, contours};
 use super::controller::{Match, OTHER, by_the_current, explained, left_of};
+use super::counts;
 use super::floor::{self, Noise};
 use super::forward::{Course, Signals};
 use super::held::{groups, held_groups};
 use super::locate::{self, Located, RunLeft};
 use super::model::Model;
+use super::motions::{busy, part_of};
 use super::name::{self, Named};
 use super::problem::{AxisData, Problem, SIGNALS};
 use super::repeats::{Repeat, first_pass, repeats};
-use super::runs::Run;
+use super::runs::{AxisRun, Run};
 use super::verdict::{SignalGap, Verdict, explains_too_little, gaps, leaves_a_shape, verdict};
 use crate::base::axis::AxisId;
 use crate::config::Machine;
@@ -194,22 +197,34 @@ pub fn problem_of<'m>(
 ) -> Problem<'m> {
     let measured: Vec<Option<Signals>> =
         runs.iter().map(|run| run.axes.get(&id).map(Signals::measured)).collect();
-    // A count is as wide for each pass of a command: what it hides does not show in their difference.
+    // A count is as wide for each pass of a command: what it hides does not show in their difference. Of what was written down more
+    // coarsely than the encoder counts nobody knows whether it was rounded or cut.
     let scale = &machine.axes[id].scale;
-    let count_m = scale.motor_resolution().as_m() / 12_f64.sqrt();
-    let table_m = scale.table_position(TravelCounts::counts(1)).as_m().abs() / 12_f64.sqrt();
+    let of_runs = |column: fn(&AxisRun) -> Option<&Vec<f64>>| {
+        let steps = runs.iter().filter_map(|run| Some(counts::step(column(run.axes.get(&id)?)?)));
+        steps.fold(0.0, f64::max)
+    };
+    let hidden_m = |count_m: f64, written_m: f64| {
+        if written_m > 1.5 * count_m { written_m / 3_f64.sqrt() } else { count_m / 12_f64.sqrt() }
+    };
+    let count_m = hidden_m(scale.motor_resolution().as_m(), of_runs(|axis| Some(&axis.position_m)));
+    let table_m = hidden_m(
+        scale.table_position(TravelCounts::counts(1)).as_m().abs(),
+        of_runs(|axis| axis.table_m.as_ref()),
+    );
     let least = [LEAST[0].hypot(count_m), LEAST[1].hypot(count_m).hypot(table_m), LEAST[2]];
     let noises: [Option<Noise>; SIGNALS.len()] = std::array::from_fn(|signal| {
         let (_, _, pick) = SIGNALS[signal];
         let has = measured.iter().flatten().any(|signals| !pick(signals).is_empty());
         if has { floor::noise(repeats, runs, &measured, pick, least[signal]) } else { None }
     });
-    let mut data = data(machine, runs, repeats, id, &measured, phases);
+    let mut data = data(machine, runs, repeats, id, phases);
     for (signal, noise) in noises.iter().enumerate() {
         let Some(noise) = noise else { continue };
         let loudness = floor::loudness(repeats, runs, &measured, SIGNALS[signal].2, noise);
         for data in &mut data {
-            data.loudness[signal].clone_from(&loudness[data.run]);
+            let rows = data.from..loudness[data.run].len().min(data.from + data.fit.len());
+            data.loudness[signal] = loudness[data.run].get(rows).unwrap_or_default().to_vec();
         }
     }
     Problem::new(machine, id, gain_set, data, noises)
@@ -243,26 +258,25 @@ fn loops(
 }
 
 /// The runs of an axis, with the rows that judge.
-fn data(
-    machine: &Machine,
-    runs: &[Run],
-    repeats: &[Repeat],
-    id: AxisId,
-    measured: &[Option<Signals>],
-    phases: &[usize],
-) -> Vec<AxisData> {
+fn data(machine: &Machine, runs: &[Run], repeats: &[Repeat], id: AxisId, phases: &[usize]) -> Vec<AxisData> {
     let groups = groups(runs, repeats);
     let held_groups = held_groups(runs, &groups);
     let origin_s = runs.iter().map(|run| run.start_s).fold(f64::INFINITY, f64::min);
     let mut all = Vec::new();
+    let busy: Vec<Option<Range<usize>>> =
+        runs.iter().map(|run| busy(run.axes.get(&id)?, run.period_s)).collect();
+    let every = machine.cycle.position_every as usize;
+    let moves = busy.iter().flatten().next().is_some();
     for (index, run) in runs.iter().enumerate() {
-        let (Some(course), Some(measured)) =
-            (Course::new(run, machine, id, phases[index], origin_s), &measured[index])
+        let Some(of_run) = (if moves { busy[index].clone() } else { Some(0..run.len()) }) else { continue };
+        let (from, part) = (of_run.start, part_of(run, &of_run, String::new()));
+        let phase = (phases[index] + every - from % every) % every;
+        let Some((course, axis)) = Course::new(&part, machine, id, phase, origin_s).zip(part.axes.get(&id))
         else {
             continue;
         };
-        let counts = Problem::counting(run, floor::ORDER);
-        let rows = run.len();
+        let counts = Problem::counting(&part, floor::ORDER);
+        let rows = part.len();
         let is_held = |row: usize| match &held_groups {
             Some(held) => held.contains(&groups[index]),
             None => row >= ((1.0 - HELD_SHARE) * rows as f64) as usize,
@@ -271,11 +285,12 @@ fn data(
             counts.iter().enumerate().map(|(row, counts)| *counts && is_held(row)).collect();
         let fit = counts.iter().zip(&held).map(|(counts, held)| *counts && !held).collect();
         let loudness = Default::default();
-        let first_pass = first_pass(index, rows, repeats);
+        let first_pass = first_pass(index, run.len(), repeats).saturating_sub(from).min(rows);
         all.push(AxisData {
             run: index,
+            from,
             course,
-            measured: measured.clone(),
+            measured: Signals::measured(axis),
             loudness,
             fit,
             held,

@@ -97,7 +97,8 @@ impl Traced {
             [0, 1].map(|axis: usize| {
                 let AxisGap { problem, named, .. } = axes[axis];
                 let model = [&named.base.model, &named.model.model][which];
-                Columns::simulated(measured[axis], &problem.simulated(places[axis], model))
+                let from = problem.data[places[axis]].from;
+                Columns::simulated(measured[axis], from, &problem.simulated(places[axis], model))
             })
         };
         let all = [measured.map(Columns::measured), simulated(0), simulated(1)];
@@ -135,12 +136,18 @@ impl Columns {
         }
     }
 
-    fn simulated(axis: &AxisRun, signals: &Signals) -> Self {
-        let less =
-            |from: &[f64], what: &[f64]| from.iter().zip(what).map(|(a, b)| a - b).collect::<Vec<f64>>();
-        let motor_m = less(&axis.setpoint_m, &signals.following_error_m);
-        let table_m = axis.table_m.is_some().then(|| less(&motor_m, &signals.deflection_m));
-        Self { setpoint_m: axis.setpoint_m.clone(), motor_m, table_m }
+    /// As measured in the rows that were not simulated, before the one in which that begins and after its last.
+    fn simulated(axis: &AxisRun, from: usize, signals: &Signals) -> Self {
+        let mut all = Self::measured(axis);
+        for (row, error_m) in signals.following_error_m.iter().enumerate() {
+            all.motor_m[from + row] = all.setpoint_m[from + row] - error_m;
+        }
+        for (row, deflection_m) in signals.deflection_m.iter().enumerate() {
+            if let Some(table_m) = &mut all.table_m {
+                table_m[from + row] = all.motor_m[from + row] - deflection_m;
+            }
+        }
+        all
     }
 
     /// The table is moved so that it is as far from the motor on average as that of another.

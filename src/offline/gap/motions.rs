@@ -21,6 +21,8 @@ const STILL_M: f64 = 1e-9;
 /// shorter one an axis is still on its way.
 const LONG_REST_S: f64 = 0.6;
 const BEFORE_S: f64 = SETTLE_S;
+/// An axis that rests for so long at first begins later, s.
+const IDLE_S: f64 = 2.0;
 /// What lies between motions that come again is a part of its own from this length on, s.
 const PART_MIN_S: f64 = 3.0;
 
@@ -38,6 +40,17 @@ pub(super) fn motions(run: &Run) -> Vec<Range<usize>> {
         }
     }
     motions
+}
+
+/// Rows of a run in which an axis has something to do, from a while before it first moves until it has come to rest: while the others
+/// go on it tells nothing. All of a run that begins with it; nothing where it rests all along.
+pub(super) fn busy(axis: &AxisRun, period_s: f64) -> Option<Range<usize>> {
+    let rows = axis.setpoint_m.len();
+    let moves = |row: &usize| (axis.setpoint_m[*row] - axis.setpoint_m[*row - 1]).abs() > STILL_M;
+    let (first, last) = ((1..rows).find(moves)?, (1..rows).rfind(moves)?);
+    let in_rows = |time_s: f64| (time_s / period_s) as usize;
+    let from = if first < in_rows(IDLE_S) { 0 } else { first - in_rows(BEFORE_S) };
+    Some(from..(last + in_rows(REST_S) + 1).min(rows))
 }
 
 /// Whether each row of a run tells anything: a loop whose integral winds up while its table sticks lets it slip when chance
@@ -85,7 +98,8 @@ pub(super) fn taken_apart(run: Run) -> Vec<Run> {
     cuts.windows(2).enumerate().map(part).collect()
 }
 
-fn part_of(run: &Run, rows: &Range<usize>, name: String) -> Run {
+/// Some rows of a run.
+pub(super) fn part_of(run: &Run, rows: &Range<usize>, name: String) -> Run {
     let of = |column: &Vec<f64>| column[rows.clone()].to_vec();
     let axis = |axis: &AxisRun| AxisRun {
         setpoint_m: of(&axis.setpoint_m),
@@ -188,6 +202,20 @@ mod tests {
         let repeats = repeats(&parts);
         let of: Vec<(usize, f64)> = repeats.iter().map(|repeat| (repeat.runs[0], repeat.shift)).collect();
         assert_eq!(of, [(0, 6_000.0), (1, 8_000.0), (2, 4_000.0)], "laps, and strokes behind others");
+    }
+
+    #[test]
+    fn an_axis_is_busy_from_a_while_before_its_first_way_until_it_has_come_to_rest() {
+        let session = Session::default().rest(0.5).line(0.02, 1.0);
+        let run = session.circle(1.0, 3.0).rest(4.0).run();
+        let of = |id: AxisId| busy(&run.axes[&id], PERIOD_S).expect("it moves");
+        // What begins with the run is left as it begins.
+        assert_eq!(of(AxisId::X), 0..1_000 + 2_000 + 6_000 + 400);
+        assert_eq!(of(AxisId::Y), 0..1_000 + 2_000 + 6_000 + 400);
+        let later = Session::default().line(0.02, 3.0).circle(1.0, 3.0).run();
+        assert_eq!(busy(&later.axes[&AxisId::Y], PERIOD_S), Some(6_000 - 800..12_000));
+        let line = Session::default().line(0.02, 3.0).run();
+        assert_eq!(busy(&line.axes[&AxisId::Y], PERIOD_S), None);
     }
 
     #[test]

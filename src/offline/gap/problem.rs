@@ -39,6 +39,8 @@ pub fn shown(signal: usize) -> (&'static str, f64, &'static str) {
 pub struct AxisData {
     /// Which run.
     pub run: usize,
+    /// Its first row in that run: an axis that has nothing to do yet begins later.
+    pub from: usize,
     /// Its command.
     pub course: Course,
     /// What was measured.
@@ -49,7 +51,7 @@ pub struct AxisData {
     pub fit: Vec<bool>,
     /// Rows that no model is fitted to: they judge it.
     pub held: Vec<bool>,
-    /// After so many rows its command only repeats what this run or another has had.
+    /// After so many rows its command only repeats what this run or one before it has had.
     pub first_pass: usize,
 }
 
@@ -131,6 +133,7 @@ impl<'m> Problem<'m> {
             };
             AxisData {
                 run: data.run,
+                from: data.from,
                 course: data.course.first(rows),
                 measured,
                 loudness: data.loudness.each_ref().map(first),
@@ -139,7 +142,8 @@ impl<'m> Problem<'m> {
                 first_pass: rows,
             }
         };
-        let data = self.data.iter().filter(|data| data.has(Part::Fit)).map(once).collect();
+        let tells = |data: &&AxisData| data.fit[..data.first_pass.min(data.fit.len())].contains(&true);
+        let data = self.data.iter().filter(tells).map(once).collect();
         self.with_data(Arc::new(data))
     }
 
@@ -180,6 +184,11 @@ impl<'m> Problem<'m> {
     #[must_use]
     pub(super) fn not_telling(self, untold: &'static [&'static str]) -> Self {
         Self { untold, ..self }
+    }
+
+    /// Whether its table is seen.
+    pub(super) const fn has_table(&self) -> bool {
+        self.noises[1].is_some()
     }
 
     /// Whether the rows say something of a coordinate.

@@ -45,9 +45,11 @@ pub fn repeats(runs: &[Run]) -> Vec<Repeat> {
     found
 }
 
-/// How many rows a run has until its command only repeats: its first lap with the start of the second.
+/// How many rows a run has until its command only repeats: its first lap with the start of the second; none where it is that of a
+/// run before it.
 pub fn first_pass(run: usize, rows: usize, repeats: &[Repeat]) -> usize {
     let of = |repeat: &Repeat| match repeat.runs {
+        [first, second] if first < run && second == run => Some(0),
         [first, second] if first == run && second == run => {
             let shift = repeat.shift.ceil() as usize;
             let is_over = repeat.rows[1] + shift >= ((1.0 - RUN_OUT_SHARE) * rows as f64) as usize;
@@ -226,5 +228,17 @@ pub(super) fn at(column: &[f64], row: f64) -> f64 {
         (Some(a), Some(b)) => a + share * (b - a),
         (Some(a), None) => *a,
         (None, _) => f64::NAN,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_command_that_an_earlier_run_had_has_no_first_pass() {
+        let repeat = |runs: [usize; 2], shift: f64, rows: [usize; 2]| Repeat { runs, shift, rows };
+        let repeats = [repeat([0, 0], 100.0, [0, 900]), repeat([0, 2], 0.0, [0, 1_000])];
+        assert_eq!([0, 1, 2].map(|run| first_pass(run, 1_000, &repeats)), [100, 1_000, 0]);
     }
 }
