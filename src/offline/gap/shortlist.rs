@@ -128,9 +128,11 @@ pub fn shortlist(problem: &Problem<'_>, here: &Linear, peaks: &dyn Fn(&Parameter
         let first = CATALOGUE.iter().find(is_alike).map_or(entry.name, |first| first.name);
         first != entry.name && !has(first)
     };
+    let shows = |entry: &Entry| problem.has_table() || !entry.is_of_table_scale();
+    let unseen = CATALOGUE.iter().filter(|entry| !shows(entry) && entry.law_of.is_none());
     let trials: Vec<(&'static Entry, Values)> = CATALOGUE
         .iter()
-        .filter(|entry| !has(entry.name) && !is_further(entry))
+        .filter(|entry| !has(entry.name) && !is_further(entry) && shows(entry))
         .flat_map(|entry| seeds(entry, peaks).into_iter().map(move |values| (entry, values)))
         .collect();
     let equations = here.normal(usize::MAX, LOSS).with_beliefs(model);
@@ -180,7 +182,11 @@ pub fn shortlist(problem: &Problem<'_>, here: &Linear, peaks: &dyn Fn(&Parameter
     }
     let mut best: Vec<Scored> = best.into_values().collect();
     best.sort_by(|a, b| b.gain.total_cmp(&a.gain));
-    Shortlist { scored: best, smallest: smallest.into_iter().flatten().chain(of_usual).collect() }
+    let unseen = unseen.map(|entry| Smallest::of(entry, f64::INFINITY));
+    Shortlist {
+        scored: best,
+        smallest: smallest.into_iter().flatten().chain(of_usual).chain(unseen).collect(),
+    }
 }
 
 /// The coordinate of an effect that every model has, from which no data tell another.

@@ -278,6 +278,11 @@ impl Entry {
         matches!(self.action, Action::Control(_))
     }
 
+    /// Whether the scale at the table alone shows it.
+    pub const fn is_of_table_scale(&self) -> bool {
+        matches!(self.action, Action::TableScale(_))
+    }
+
     /// Whether it is no more than another value of a parameter of the base model.
     pub const fn is_parameter(&self) -> bool {
         matches!(self.action, Action::Parameter(_))

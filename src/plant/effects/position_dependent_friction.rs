@@ -73,6 +73,9 @@ impl Friction for Slope {
     }
 }
 
+/// So many widths away from a spot nothing is left of it: `500 % exp(-LOST² / 2)` is less than what 1 resolves.
+const LOST: f64 = 9.0;
+
 #[derive(Debug)]
 struct Spot {
     share: f64,
@@ -83,6 +86,7 @@ struct Spot {
 impl Friction for Spot {
     fn factor(&self, at: &Instant) -> f64 {
         let away = (at.table_m - self.centre_m) / self.width_m;
-        1.0 + self.share * libm::exp(-0.5 * away * away)
+        // Further off it is lost beside 1, and an exponential takes as long as all the rest.
+        if away.abs() > LOST { 1.0 } else { 1.0 + self.share * libm::exp(-0.5 * away * away) }
     }
 }

@@ -38,3 +38,27 @@ impl Reading for Growth {
         -self.share * place_m * libm::expm1(-time_s * self.per_s)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::entry;
+    use crate::base::time::Span;
+    use crate::base::units::{Current, Position};
+    use crate::plant::Plant;
+    use crate::plant::tests::paper_axis;
+
+    #[test]
+    fn a_scale_grows_with_the_time_though_nothing_moves_otherwise() {
+        let axis = paper_axis().with_effect(entry("thermal-growth").unwrap(), [60.0, 60.0, 0.0]);
+        let mut plant = Plant::new(&axis, Span::us(500));
+        let far = Position::mm(100.0);
+        let grown_um = |plant: &Plant| (plant.shown(Position::ZERO, far)[1] - far).as_um();
+        assert_eq!(grown_um(&plant), 0.0);
+        for _ in 0..2_000 {
+            plant.step(Current::ZERO);
+        }
+        // A second of a minute.
+        let expected_um = 60.0 * 0.1 * -(-1.0_f64 / 60.0).exp_m1();
+        assert!((grown_um(&plant).abs() / expected_um - 1.0).abs() < 1e-6, "{} um", grown_um(&plant));
+    }
+}
