@@ -39,9 +39,11 @@ const ENOUGH: (f64, f64) = (1e-4, 1.0);
 pub const LEAST_PER_ROW: f64 = 0.5;
 /// From where a fine fit ends it looks so many standard deviations away, and goes on from there at most so often.
 const KICKS: [f64; 4] = [-8.0, -2.5, 2.5, 8.0];
-const KICKED: usize = 6;
+const KICKED: usize = 2;
+/// How often derivatives over narrower steps may gain nothing: where it is rough, they are never as narrow as they should be.
+const IDLE: usize = 2;
 /// Most iterations of a fine fit.
-const ITERATIONS_MAX: usize = 25;
+const ITERATIONS_MAX: usize = 14;
 /// By what share of a size two formulations of the same effect differ, as a standard deviation: no size is surer than that,
 /// however little noise there is.
 const LAWS: f64 = 0.02;
@@ -92,7 +94,7 @@ pub fn fit(problem: &Problem<'_>, start: &Model, effort: Effort, known: Option<&
     // Far from the minimum all rows are far off: they count by their square until they are near.
     let mut knee = knee(&left);
     let mut covariance = DMatrix::zeros(model.coordinate_count(), model.coordinate_count());
-    let mut kicked = 0;
+    let (mut kicked, mut idle) = (0, 0);
     for _ in 0..iterations {
         let loss = Loss::bounded(knee);
         let mut total = sum(&left, loss) + believed(&model);
@@ -138,7 +140,11 @@ pub fn fit(problem: &Problem<'_>, start: &Model, effort: Effort, known: Option<&
         let is_over = match effort {
             Effort::Coarse(_) => gained < ENOUGH.0 * total,
             // What derivatives over wide steps do not gain, those over narrow ones may.
-            Effort::Fine => was_fine && gained < half_a_unit(total),
+            Effort::Fine => {
+                let is_little = gained < half_a_unit(total);
+                idle = if is_little { idle + 1 } else { 0 };
+                is_little && (was_fine || idle > IDLE)
+            }
         };
         if is_over {
             // A minimum among rough ones: another may lie along the valley.
@@ -151,7 +157,7 @@ pub fn fit(problem: &Problem<'_>, start: &Model, effort: Effort, known: Option<&
             if total - other_total < half_a_unit(total) {
                 break;
             }
-            kicked += 1;
+            (kicked, idle) = (kicked + 1, 0);
             (model, left) = (other, other_left);
             damping = DAMPING.0;
         }

@@ -173,7 +173,10 @@ pub(super) fn tried(
         // At its bound an effect may be on its way to another, and what leads far may lead to what is alike.
         let is_at_bound = own.model.is_at_bound(own.model.effects.len() - 1);
         let goes_on = is_at_bound || is_far(&own, without);
-        let other = own.model.with_last_as_alike().filter(|_| goes_on);
+        // Where that one is promising by itself, it began from where this one went already.
+        let is_tried = |other: &Model| promising.iter().any(|one| last_of(one) == last_of(other));
+        let other =
+            own.model.with_last_as_alike().filter(|other| goes_on && (is_at_bound || !is_tried(other)));
         let other = other.map(|model| fit(problem, &model, Effort::Coarse(ITERATIONS[1]), None));
         let is_worth_it = |other: &Fitted| is_at_bound || other.total < own.total;
         let other = other.map(|other| if is_worth_it(&other) { grown(other) } else { other });
@@ -182,9 +185,14 @@ pub(super) fn tried(
     let mut all: Vec<Fitted> = promising.par_iter().flat_map_iter(both).collect();
     all.sort_by(|a, b| a.total.total_cmp(&b.total));
     let mut seen = BTreeSet::new();
-    all.retain(|fitted| seen.insert(fitted.model.effects.last().map(|tried| tried.entry.name)));
+    all.retain(|fitted| seen.insert(last_of(&fitted.model)));
     let judged = |fitted| judged(problem, without, (blocks_without, explained), fitted, rows);
     all.into_par_iter().map(judged).collect()
+}
+
+/// Name of the last effect of a model.
+fn last_of(model: &Model) -> Option<&'static str> {
+    model.effects.last().map(|tried| tried.entry.name)
 }
 
 /// Places of the amplitudes of the last effect of a model, among its coordinates: those that are none of the base.

@@ -7,10 +7,10 @@ use super::fit::{Effort, Fitted, fit, knee};
 use super::linear::{K, residuals};
 use super::model::Model;
 use super::problem::{Part, Problem};
-use super::refit::{ITERATIONS, coarsely_from};
+use super::refit::{ITERATIONS, ended};
 
 /// Where the knee of the loss would have to be so many times as far, the search takes noise for louder than it is.
-const LOUDER: f64 = 2.0;
+pub(super) const LOUDER: f64 = 2.0;
 
 /// A search in which noise counts as louder than it is.
 pub(super) struct Louder<'m> {
@@ -38,7 +38,7 @@ impl<'m> Louder<'m> {
         let once = louder.first_passes();
         // What was named has been fitted to the bottom, and tells which valley it is.
         let fitted = if model.effects.len() == start.effects.len() {
-            coarsely_from(&louder, &once, model, start)
+            fit(&louder, &ended(&once, model), Effort::Coarse(ITERATIONS[0]), None)
         } else {
             fit(&louder, model, Effort::Coarse(ITERATIONS[0]), None)
         };

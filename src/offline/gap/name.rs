@@ -15,11 +15,11 @@ use rayon::prelude::*;
 use super::blocks::Blocks;
 use super::clocks;
 use super::fit::{Effort, Fitted, believed, fit, total_of};
-use super::gates::{Candidate, Gate, tried};
+use super::gates::{Candidate, Gate, PLAIN, tried};
 use super::linear::{Linear, Steps, residuals};
 use super::louder::Louder;
 use super::model::Model;
-use super::near::{Near, is_alias, margin};
+use super::near::{Near, ROUGHLY, is_alias, margin};
 use super::problem::{Part, Problem};
 use super::refit::{
     ITERATIONS, REACH, base_refitted, coarsely, coarsely_from, ended, is_far, refitted, scale,
@@ -127,9 +127,9 @@ pub fn name<'m>(
 ) -> (Named, Problem<'m>) {
     let rows = [Part::Fit, Part::Held].map(|part| problem.count(part));
     progress("fitting the base model");
-    let start = &usual::with(start);
-    let usual = start.effects.len();
-    let (mut problem, coarse) = coarsely(problem, start);
+    let (mut problem, coarse, led) = coarsely(problem, &usual::with(start));
+    // What has one valley and was led by no stick and slip is where other ways begin.
+    let (start, usual) = (&led, led.effects.len());
     let clocks_behind_s = clocks::behind_s(&problem, &coarse.model);
     if let Some(behind_s) = &clocks_behind_s {
         problem = problem.with_clocks(behind_s);
@@ -166,12 +166,14 @@ pub fn name<'m>(
         smallest = listed.smallest.into_iter().map(by_all).collect();
         let mut candidates = Vec::new();
         let is_first = effects.is_empty();
-        // With louder noise it is fitted to the bottom when it has been chosen, and so is what comes beside what was named: that
-        // tells which valley it is.
-        let refit = |model: &Model| match &louder {
-            _ if !is_first => fit(search, &ended(searched, model), Effort::Coarse(ITERATIONS[0]), None),
-            Some(_) => coarsely_from(search, searched, model, start),
-            None => refitted(search, searched, model, start),
+        // It is fitted to the bottom when it has been chosen. What comes beside what was named goes on from there: that tells which
+        // valley it is.
+        let refit = |model: &Model| {
+            if is_first {
+                coarsely_from(search, searched, model, start)
+            } else {
+                fit(search, &ended(searched, model), Effort::Coarse(ITERATIONS[0]), None)
+            }
         };
         // Of all rows, where anything is to be fitted to them.
         let mut here = None;
@@ -191,22 +193,23 @@ pub fn name<'m>(
         // What says no more with more numbers is no other explanation.
         let count = |candidate: &Candidate| candidate.fitted.model.coordinate_count();
         let (least, most) = (best.evidence - margin, count(best));
+        // Louder noise tells little of which explains most: that is left to the bottoms.
+        let roughly = louder.as_ref().map_or(best.evidence, |_| (1.0 - ROUGHLY) * best.evidence);
         let (near, rest): (Vec<Candidate>, Vec<Candidate>) = passed.into_iter().partition(|candidate| {
             let is_near = candidate.evidence > least && count(candidate) <= most;
-            is_near || is_alias(best_name, candidate.name())
+            is_near || candidate.evidence > roughly || is_alias(best_name, candidate.name())
         });
         progress(&format!("{best_name}: is it needed?"));
         // What is far was fitted by all ways already.
         let to_the_bottom = |Candidate { fitted, .. }: &Candidate| {
             if is_first && !is_far(fitted, at) {
                 refitted(&problem, &once, &fitted.model, start)
-            } else if is_first && louder.is_none() {
-                fitted.clone()
             } else {
                 fit(&problem, &fitted.model, Effort::Fine, None)
             }
         };
-        let Near { mut class, model: bottom, told_apart } = Near::of(near, &to_the_bottom, &model, rows[0]);
+        let Near { mut class, model: bottom, told_apart } =
+            Near::of((near, least), &to_the_bottom, &model, rows[0]);
         let best = class[0].clone();
         let next = rest.first().or(refused.first());
         let runner_up = told_apart.or(next.map(|next| RunnerUp {
@@ -223,14 +226,13 @@ pub fn name<'m>(
         let before = std::mem::replace(&mut model, bottom);
         blocks = Blocks::new(&problem, &model.model);
         effects.push(NamedEffect { name: best.name(), class, runner_up });
-        let last = model.model.effects.len() - 1;
         // On its way to the effect the base may have left a valley in which the fit without it was held up: what is
         // gained is what is lost again without it, from here.
-        let test = Without::of(&problem, &once, &model, last, [start, &coarse.model]);
+        let (test, is_needed) = tested(&problem, &once, (&model, &blocks), [start, &coarse.model], rows);
         if effects.len() == 1 {
             base = Some(test.fitted.clone());
         }
-        if !test.shows_need(&model, &blocks, last, rows) {
+        if !is_needed {
             let is_deeper = is_far(&test.fitted, &before);
             (model, blocks) = (test.fitted, test.blocks);
             effects.pop();
@@ -275,6 +277,8 @@ pub fn name<'m>(
     let mut base = match base {
         // Weighed as all that is compared with it.
         Some(base) => fit(&problem, &base.model, Effort::Coarse(1), None),
+        // What is noise is at its bottom, or nobody could tell.
+        None if coarse.cost <= PLAIN * rows[0] as f64 => coarse.clone(),
         None => fit(&problem, &coarse.model, Effort::Fine, None),
     };
     if effects.is_empty() {
@@ -283,7 +287,7 @@ pub fn name<'m>(
     let told = usual::told(&problem, &once, &model, (&blocks, alone_held), [start, &coarse.model], rows);
     if !told.named.is_empty() {
         let ends = [&base.model, &coarse.model].map(|of| of.without_all(&told.places));
-        base = base_refitted(&problem, &once, ends.each_ref(), |_, _| false).0;
+        base = base_refitted(&problem, &once, ends.each_ref(), model.total, |_, _| false).0;
     }
     effects.extend(told.named);
     refused.extend(told.refused);
@@ -291,6 +295,26 @@ pub fn name<'m>(
     let blocks = [&base, &told.model].map(|fitted| Blocks::new(&problem, &fitted.model));
     let model = told.model;
     (Named { clocks_behind_s, base, model, blocks, effects, refused, smallest, rows }, problem)
+}
+
+/// Whether a model needs its last effect, and what it is without. Where it leaves so much beside that effect that a bounded loss tells
+/// nothing of it, by noise that is taken for louder.
+fn tested(
+    problem: &Problem<'_>,
+    once: &Problem<'_>,
+    (model, blocks): (&Fitted, &Blocks),
+    bases: [&Model; 2],
+    rows: [usize; 2],
+) -> (Without, bool) {
+    let last = model.model.effects.len() - 1;
+    let Some(louder) = Louder::for_what_is_left(problem, &model.model, bases) else {
+        let test = Without::of(problem, once, model, last, bases);
+        let is_needed = test.shows_need(model, blocks, last, rows);
+        return (test, is_needed);
+    };
+    let test = Without::of(&louder.problem, &louder.once, &louder.fitted, last, bases);
+    let is_needed = test.shows_need(&louder.fitted, &louder.blocks, last, rows);
+    (test.in_terms_of(problem), is_needed)
 }
 
 /// A class with how probable each member is. Tempered: what is near a tie is to be told as one.

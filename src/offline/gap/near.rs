@@ -12,6 +12,8 @@ use crate::plant::effects::CATALOGUE;
 
 /// Candidates whose evidence is nearer than this, or than this share, cannot be told apart.
 const NEAR: (f64, f64) = (20.0, 0.02);
+/// The same share where noise is taken for louder than it is: all of these are fitted to the bottom.
+pub(super) const ROUGHLY: f64 = 0.15;
 
 /// How far behind a candidate with this evidence others are not told from it.
 pub(super) fn margin(evidence: f64) -> f64 {
@@ -37,9 +39,10 @@ pub(super) struct Near {
 }
 
 impl Near {
-    /// Fits each to the bottom: a coarse fit, and a search where noise is louder than it is, may not tell what rows do.
+    /// Fits each to the bottom: a coarse fit, and a search where noise is louder than it is, may not tell what rows do. Those with
+    /// `least` evidence and less are only near in such a search.
     pub(super) fn of(
-        near: Vec<Candidate>,
+        (near, least): (Vec<Candidate>, f64),
         to_the_bottom: &(dyn Fn(&Candidate) -> Fitted + Sync),
         without: &Fitted,
         rows: usize,
@@ -52,9 +55,12 @@ impl Near {
         let margin = margin((without.total - model.total) / scale);
         let behind = |end: &Fitted| (end.total - model.total) / scale;
         let best = ends[0].0.name();
-        // What no data tell apart ends elsewhere by chance.
+        // What no data tell apart ends elsewhere by chance, and so does by a little what was near before.
         let is_apart = |(candidate, end): &(Candidate, Fitted)| {
-            behind(end) > margin && end.cost > PLAIN * model.cost && !is_alias(best, candidate.name())
+            let was_far =
+                candidate.evidence <= least || end.model.coordinate_count() > model.model.coordinate_count();
+            let is_behind = behind(end) > margin && (was_far || end.cost > PLAIN * model.cost);
+            is_behind && !is_alias(best, candidate.name())
         };
         let (apart, ends): (Vec<_>, Vec<_>) = ends.into_iter().partition(is_apart);
         let told_apart = apart.first().map(|(candidate, end)| RunnerUp {

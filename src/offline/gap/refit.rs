@@ -4,44 +4,50 @@
 
 use rayon::prelude::*;
 
-use super::fit::{Effort, Fitted, LEAST_PER_ROW, fit, total_of};
+use super::fit::{Effort, Fitted, LEAST_PER_ROW, fit, knee, total_of};
+use super::gates::PLAIN;
+use super::linear::{K, residuals};
+use super::louder::LOUDER;
 use super::model::{BASE, Model};
-use super::problem::Problem;
+use super::problem::{Part, Problem};
 
 /// Iterations of coarse fits: of the base, and of a candidate with it.
 pub(super) const ITERATIONS: [usize; 2] = [12, 6];
 /// Within how many priors a model must be straight about a row for it to count, fit by fit, from where rows in motion led;
-/// beside an effect the second only where the first led deeper than where the model stood, by more than a share of the cost.
-const WAYS: [&[f64]; 2] = [&[0.1, 0.05], &[0.3, 0.1, 0.05]];
-const SAME: f64 = 1e-3;
+/// the second for a base alone, where the first leaves more than noise and something to go on with.
+const WAYS: [&[f64]; 2] = [&[0.1], &[0.3, 0.1, 0.05]];
+/// A model that costs rows in motion no more than so many times what is least of it stands in their valley.
+const SAME: f64 = 1.02;
 /// By how many priors mass and stiffness of the file are moved apart: without a table scale only what rings tells one from
 /// the other, and each frequency has a valley of its own.
 const TUNED: [f64; 2] = [0.6, -0.6];
 /// Within how many priors a model must be straight for what is named and judged.
 pub(super) const REACH: f64 = 0.1;
+/// A model that leaves so many times as much without an effect needs it.
+pub(super) const PLAINLY: f64 = 1.5;
 /// What leaves less than this share of what was left is fitted to the bottom.
 const FAR: f64 = 0.95;
 
 /// A model fitted to the bottom.
 pub(super) fn refitted(problem: &Problem<'_>, once: &Problem<'_>, model: &Model, start: &Model) -> Fitted {
-    fit(problem, &by_all_ways(problem, once, model, start), Effort::Fine, None)
+    fit(problem, &from_both(problem, once, model, start), Effort::Fine, None)
 }
 
-/// A model fitted coarsely, from where it stands and from the base of the file, by rows in motion and then by rows about which
-/// it is straight: a base that was fitted without the effect may stand in a valley of its own, and where stick and
-/// slip make many valleys, no way is always the best.
-fn by_all_ways(problem: &Problem<'_>, once: &Problem<'_>, model: &Model, start: &Model) -> Model {
-    let of_file = Model { base: start.base, ..model.clone() };
-    let by_file = || {
-        let led = led_by_motion(once, &[of_file]);
-        (by_way(once, &led, 0), led)
-    };
-    let (here, (there, led)) = rayon::join(|| ended(once, model), by_file);
-    let [here, there] = [here, there].map(|end| (total_of(problem, &end), end));
-    // What does not lead as deep from there does not by another way.
-    let is_worth_it = there.0 < (1.0 - SAME) * here.0;
-    let other = is_worth_it.then(|| by_way(once, &led, 1)).map(|end| (total_of(problem, &end), end));
-    deepest([here, there].into_iter().chain(other)).1
+/// A model fitted coarsely, from where it stands and from another base, by rows in motion and then by rows about which
+/// it is straight: a base that was fitted without the effect may stand in a valley of its own.
+fn from_both(problem: &Problem<'_>, once: &Problem<'_>, model: &Model, start: &Model) -> Model {
+    let of_start = Model { base: start.base, ..model.clone() };
+    let (here, led) = rayon::join(|| ended(once, model), || led_by_motion(once, &[of_start]));
+    // What is no deeper in motion has only valleys of stick and slip to offer, which hang on chance.
+    let is_same = once.in_motion(&here).is_some_and(|moving| {
+        let [own, other] = [&here, &led].map(|model| total_of(&moving, model));
+        own <= SAME * other
+    });
+    if is_same {
+        return here;
+    }
+    let there = by_way(once, &led, 0);
+    deepest([here, there].map(|end| (total_of(problem, &end), end))).1
 }
 
 /// Where the rows in motion lead from some models: the deepest of it.
@@ -53,9 +59,14 @@ fn led_by_motion(once: &Problem<'_>, begun: &[Model]) -> Model {
 
 /// Where a way from a model ends.
 fn by_way(once: &Problem<'_>, begun: &Model, number: usize) -> Model {
+    ended(once, &nearer(once, begun, number))
+}
+
+/// The same before rows count whether or not a model is straight about them.
+fn nearer(once: &Problem<'_>, begun: &Model, number: usize) -> Model {
     let nearer =
         |model: Model, reach: &f64| ended(&once.where_straight(&model, *reach, number as u64), &model);
-    ended(once, &WAYS[number].iter().fold(begun.clone(), nearer))
+    WAYS[number].iter().fold(begun.clone(), nearer)
 }
 
 /// A base with mass and stiffness so many priors apart.
@@ -86,15 +97,21 @@ fn deepest(ends: impl IntoIterator<Item = (f64, Model)>) -> (f64, Model) {
 
 /// The base fitted to the bottom from where it stands beside an effect, or from where it was fitted without: whichever leads
 /// deeper; and by how much both ends differ: what is that rough tells of no effect that explains less. Where coarse fits differ by
-/// so much that it matters, both go to the bottom.
+/// so much that it matters, both go to the bottom. Where the deeper one plainly leaves more than was reached with an effect, no bottom
+/// of its valleys would do.
 pub(super) fn base_refitted(
     problem: &Problem<'_>,
     once: &Problem<'_>,
     ends: [&Model; 2],
+    reached: f64,
     matters: impl Fn(&Fitted, f64) -> bool,
 ) -> (Fitted, f64) {
     let mut ends = with_totals(problem, ends.par_iter().map(|model| ended(once, model)).collect());
     ends.sort_by(|a, b| a.0.total_cmp(&b.0));
+    if ends[0].0 > PLAINLY * reached {
+        let fitted = fit(problem, &ends[0].1, Effort::Coarse(ITERATIONS[1]), None);
+        return (fitted, 0.0);
+    }
     let to_the_bottom = |(_, model): &(f64, Model)| fit(problem, model, Effort::Fine, None);
     let (deeper, apart) = (to_the_bottom(&ends[0]), ends[1].0 - ends[0].0);
     if !matters(&deeper, apart) {
@@ -105,26 +122,39 @@ pub(super) fn base_refitted(
     (if other.total < deeper.total { other } else { deeper }, apart)
 }
 
-/// The base fitted coarsely, and the problem in which rows count by how straight it is about them.
-pub(super) fn coarsely<'m>(problem: &Problem<'m>, start: &Model) -> (Problem<'m>, Fitted) {
+/// The base fitted coarsely, the problem in which rows count by how straight it is about them, and where rows in motion led.
+pub(super) fn coarsely<'m>(problem: &Problem<'m>, start: &Model) -> (Problem<'m>, Fitted, Model) {
     let once = problem.first_passes();
-    let [stiffer, softer] = TUNED.map(|by| apart(start, by));
-    let led = led_by_motion(&once, &[start.clone(), stiffer, softer]);
-    let ends = (0..WAYS.len()).into_par_iter().map(|number| by_way(&once, &led, number)).collect();
-    let (_, model) = deepest(with_totals(problem, ends));
-    let problem = problem.where_straight(&model, REACH, 0);
-    let fitted = fit(&problem, &model, Effort::Coarse(ITERATIONS[0]), None);
-    (problem, fitted)
+    let mut begun = vec![start.clone()];
+    if !problem.has_table() {
+        begun.extend(TUNED.map(|by| apart(start, by)));
+    }
+    let led = led_by_motion(&once, &begun);
+    let about = |model: &Model| {
+        let problem = problem.where_straight(model, REACH, 0);
+        let fitted = fit(&problem, model, Effort::Coarse(ITERATIONS[0]), None);
+        (problem, fitted)
+    };
+    let (near, first) = about(&nearer(&once, &led, 0));
+    // Where little is left another way leads nowhere else, and where much is, something is missing that no way makes up for.
+    let is_little = first.cost <= PLAIN * near.count(Part::Fit) as f64;
+    if is_little || knee(&residuals(&near, &first.model, Part::Fit)) >= LOUDER * K {
+        return (near, first, led);
+    }
+    let other = by_way(&once, &led, 1);
+    let is_deeper = total_of(problem, &other) < total_of(problem, &first.model);
+    let (near, fitted) = if is_deeper { about(&other) } else { (near, first) };
+    (near, fitted, led)
 }
 
-/// A model fitted coarsely, from where it stands and from the base of the file.
+/// A model fitted coarsely, from where it stands and from another base.
 pub(super) fn coarsely_from(
     problem: &Problem<'_>,
     once: &Problem<'_>,
     model: &Model,
     start: &Model,
 ) -> Fitted {
-    fit(problem, &by_all_ways(problem, once, model, start), Effort::Coarse(ITERATIONS[0]), None)
+    fit(problem, &from_both(problem, once, model, start), Effort::Coarse(ITERATIONS[0]), None)
 }
 
 /// Whether a model explains so much of what another leaves that it is fitted to the bottom before it is judged.

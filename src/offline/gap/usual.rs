@@ -55,7 +55,7 @@ pub(super) struct Told {
     pub(super) model: Fitted,
 }
 
-/// Puts each of these effects, which come first in a model, to every gate; `start` is the base of the file with them, `alone`
+/// Puts each of these effects, which come first in a model, to every gate; `start` is a base with them that rows in motion led to, `alone`
 /// where it was fitted without any other.
 pub(super) fn told(
     problem: &Problem<'_>,

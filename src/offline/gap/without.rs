@@ -7,10 +7,8 @@ use super::fit::{Effort, Fitted, fit};
 use super::gates::{FALL, HELD_FALL, does_not_show_where_judged};
 use super::model::Model;
 use super::problem::{Part, Problem};
-use super::refit::{base_refitted, ended, refitted, scale};
+use super::refit::{PLAINLY, base_refitted, ended, refitted, scale};
 
-/// A model that leaves so many times as much without an effect needs it.
-const PLAINLY: f64 = 2.0;
 /// What is needed explains so many times as much as ends of the base without it differ by: another of its valleys would do the
 /// same.
 const ROUGH: f64 = 3.0;
@@ -27,7 +25,7 @@ pub(super) struct Without {
 }
 
 impl Without {
-    /// `start` is the base of the file, `alone` where it was fitted without any effect but for those that nobody names before the end.
+    /// `start` is a base that rows in motion led to, `alone` where it was fitted without any effect but for those that nobody names before the end.
     pub(super) fn of(
         problem: &Problem<'_>,
         once: &Problem<'_>,
@@ -37,7 +35,7 @@ impl Without {
     ) -> Self {
         let without = model.model.without(place);
         let (fitted, rough) = if without.effects.len() == alone.effects.len() {
-            base_refitted(problem, once, [&without, alone], |base, apart| {
+            base_refitted(problem, once, [&without, alone], model.total, |base, apart| {
                 is_rough(base, model, apart, problem.count(Part::Fit))
             })
         } else {
@@ -46,6 +44,12 @@ impl Without {
             (if is_plain { near } else { refitted(problem, once, &without, start) }, 0.0)
         };
         Self { blocks: Blocks::new(problem, &fitted.model), fitted, rough }
+    }
+
+    /// The same where rows count as in this problem.
+    pub(super) fn in_terms_of(self, problem: &Problem<'_>) -> Self {
+        let fitted = fit(problem, &self.fitted.model, Effort::Coarse(0), None);
+        Self { blocks: Blocks::new(problem, &fitted.model), fitted, ..self }
     }
 
     /// Whether it does worse on both parts than the model with the effect.
