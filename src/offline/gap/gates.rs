@@ -13,9 +13,9 @@ use serde::Serialize;
 use super::blocks::Blocks;
 use super::fit::{Effort, Fitted, fit};
 use super::judged;
-use super::linear::Linear;
+use super::linear::{Linear, Loss, residuals};
 use super::model::Model;
-use super::problem::Problem;
+use super::problem::{Part, Problem};
 use super::refit::{ITERATIONS, is_far, scale};
 use crate::plant::effects::{CATALOGUE, Entry, Experiment, Parameter};
 
@@ -38,6 +38,9 @@ const SURE: f64 = 7.0;
 /// fitted rows say.
 const ALONE: [f64; 2] = [4.0, 5.0];
 const ALONE_SHARE: f64 = 0.5;
+/// What explains little must not make runs worse by so much of what it gains in others: what an axis does while it sticks imitates anything,
+/// in one run this way and in another that.
+const WORSE: f64 = 0.2;
 /// A number that is so many standard deviations from a whole one, but within these, may be whole.
 const NEAR: f64 = 4.0;
 const WHOLE: [f64; 2] = [0.04, 0.15];
@@ -97,6 +100,8 @@ pub enum Gate {
     Amplitude,
     /// An amplitude that the rows that judge want too, and not the base alone that it left free.
     Judged,
+    /// An amplitude that not one run wants and another as much not.
+    Runs,
     /// Values that the data chose and not the bounds.
     Bounds,
     /// Whole numbers where machines have no others.
@@ -116,6 +121,7 @@ impl fmt::Display for Gate {
             Self::Blocks => "is not sure there",
             Self::Amplitude => "may be zero",
             Self::Judged => "is not what the rows that judge want",
+            Self::Runs => "makes some runs worse",
             Self::Bounds => "has a value at its bound",
             Self::Whole => "has an order that is not whole",
             Self::Needed => "is not needed",
@@ -191,7 +197,7 @@ pub(super) fn tried(
 }
 
 /// Name of the last effect of a model.
-fn last_of(model: &Model) -> Option<&'static str> {
+pub(super) fn last_of(model: &Model) -> Option<&'static str> {
     model.effects.last().map(|tried| tried.entry.name)
 }
 
@@ -273,7 +279,26 @@ pub(super) fn judged(
     } else if !is_sure {
         failed.push(Gate::Amplitude);
     }
+    if failed.is_empty()
+        && !is_far(&fitted, without)
+        && makes_runs_worse(problem, &without.model, &fitted.model)
+    {
+        failed.push(Gate::Runs);
+    }
     Candidate { evidence: fall + held_fall, fitted, held, failed }
+}
+
+/// Whether a model with an effect costs some of the fitted runs much of what it gains in the others.
+fn makes_runs_worse(problem: &Problem<'_>, without: &Model, with: &Model) -> bool {
+    let costs =
+        |model: &Model| residuals(problem, model, Part::Fit).into_iter().map(|run| Loss::LAST.sum(&run));
+    costs_much(&costs(without).zip(costs(with)).map(|(without, with)| without - with).collect::<Vec<f64>>())
+}
+
+/// Whether some of what was gained was lost, by more than a share of the rest.
+fn costs_much(gained: &[f64]) -> bool {
+    let of = |side: f64| gained.iter().map(|gain| (side * gain).max(0.0)).sum::<f64>();
+    of(-1.0) > WORSE * of(1.0)
 }
 
 #[cfg(test)]
@@ -283,6 +308,18 @@ mod tests {
     use super::*;
     use crate::plant::effects::entry;
     use crate::plant::tests::paper_axis;
+
+    #[test]
+    fn what_one_run_gains_another_must_not_lose() {
+        for (gained, costs) in [
+            (&[100.0, 50.0, -20.0][..], false),
+            (&[100.0, -40.0, 10.0], true),
+            (&[30.0, 20.0], false),
+            (&[-1.0], true),
+        ] {
+            assert_eq!(costs_much(gained), costs, "{gained:?}");
+        }
+    }
 
     #[test]
     fn rows_that_judge_may_say_nothing_of_what_is_plain_in_the_others_but_not_speak_against_it() {

@@ -152,6 +152,8 @@ pub const BASE: [Base; 11] = [
 
 /// Values so near to a bound are at it, as a share of what is between both.
 const AT_BOUND: f64 = 1e-4;
+/// A swing is one of once a turn where its period is so near to the lead, as a share.
+const ONCE_A_TURN: f64 = 3e-3;
 /// An effect, another that changes much the same, and the values of that one.
 type Alike = (&'static str, &'static str, fn(&Values) -> Values);
 const ALIKE: [Alike; 5] = [
@@ -222,6 +224,22 @@ impl Model {
         let (_, other, values) = ALIKE.iter().find(|(name, ..)| *name == last.entry.name)?;
         let tried = Tried { entry: entry(other)?, values: values(&last.values) };
         Some(self.without(self.effects.len() - 1).with(tried))
+    }
+
+    /// The same with what a table scale cannot tell from its last effect in that one's place: an encoder that swings once a turn and a
+    /// screw that does, the other way round, for loops follow their encoder. Nothing where there is none.
+    pub fn with_last_as_its_twin(&self) -> Option<Self> {
+        let last = self.effects.last()?;
+        let lead_mm = 1e3 * self.nominal.mechanics.lead_m;
+        let [size, second, third] = last.values;
+        let (name, values) = match last.entry.name {
+            "encoder-eccentricity" => ("pitch-error", [size, lead_mm, wrapped(second + 180.0)]),
+            "pitch-error" if (second / lead_mm - 1.0).abs() < ONCE_A_TURN => {
+                ("encoder-eccentricity", [size, wrapped(third + 180.0), 0.0])
+            }
+            _ => return None,
+        };
+        Some(self.without(self.effects.len() - 1).with(Tried { entry: entry(name)?, values }))
     }
 
     /// What it is simulated with.
@@ -363,6 +381,20 @@ fn wrapped(deg: f64) -> f64 {
 mod tests {
     use super::*;
     use crate::plant::tests::paper_axis;
+
+    #[test]
+    fn a_swing_of_once_a_turn_is_that_of_the_encoder_or_of_the_screw() {
+        let of = |name: &str, values| {
+            let tried = Tried { entry: entry(name).expect("an effect"), values };
+            let twin = Model::new(paper_axis()).with(tried).with_last_as_its_twin()?;
+            Some((twin.effects[0].entry.name, twin.effects[0].values))
+        };
+        let screw = ("pitch-error", [2.0, 10.0, -140.0]);
+        assert_eq!(of("encoder-eccentricity", [2.0, 40.0, 0.0]), Some(screw));
+        assert_eq!(of("pitch-error", screw.1), Some(("encoder-eccentricity", [2.0, 40.0, 0.0])));
+        assert_eq!(of("pitch-error", [2.0, 10.2, 0.0]), None, "a period of its own");
+        assert_eq!(of("backlash", [2.0, 0.0, 0.0]), None);
+    }
 
     #[test]
     fn what_is_alike_takes_the_place_of_the_other_and_its_size() {

@@ -15,7 +15,7 @@ use rayon::prelude::*;
 use super::blocks::Blocks;
 use super::clocks;
 use super::fit::{Effort, Fitted, believed, fit, total_of};
-use super::gates::{Candidate, Gate, PLAIN, tried};
+use super::gates::{self, Candidate, Gate, PLAIN, tried};
 use super::linear::{Linear, Steps, residuals};
 use super::louder::Louder;
 use super::model::Model;
@@ -195,10 +195,17 @@ pub fn name<'m>(
         let (least, most) = (best.evidence - margin, count(best));
         // Louder noise tells little of which explains most: that is left to the bottoms.
         let roughly = louder.as_ref().map_or(best.evidence, |_| (1.0 - ROUGHLY) * best.evidence);
-        let (near, rest): (Vec<Candidate>, Vec<Candidate>) = passed.into_iter().partition(|candidate| {
+        let (mut near, rest): (Vec<Candidate>, Vec<Candidate>) = passed.into_iter().partition(|candidate| {
             let is_near = candidate.evidence > least && count(candidate) <= most;
             is_near || candidate.evidence > roughly || is_alias(best_name, candidate.name())
         });
+        // Its twin may have been left behind on the way; what holds for one holds for both.
+        let twin = near[0].fitted.model.with_last_as_its_twin().filter(|_| problem.has_table());
+        let is_there = |twin: &Model| near.iter().any(|one| Some(one.name()) == gates::last_of(twin));
+        if let Some(twin) = twin.filter(|twin| !is_there(twin)) {
+            let fitted = fit(search, &twin, Effort::Coarse(ITERATIONS[1]), None);
+            near.push(Candidate { failed: Vec::new(), ..gates::judged(search, at, judged, fitted, rows) });
+        }
         progress(&format!("{best_name}: is it needed?"));
         // What is far was fitted by all ways already.
         let to_the_bottom = |Candidate { fitted, .. }: &Candidate| {
