@@ -11,21 +11,30 @@
 //! Invariant: in the end effects with a name come first, in the order of their names.
 
 use nalgebra::DMatrix;
+use rayon::prelude::*;
 
 use super::blocks::Blocks;
 use super::fit::{Effort, Fitted, believed, fit};
+use super::floor::Pick;
 use super::gates::{Candidate, is_sure, judged};
 use super::linear::{Loss, residuals};
 use super::model::{Model, Tried};
 use super::name::{NamedEffect, weighed};
 use super::near::margin;
-use super::problem::{Part, Problem, Residual};
+use super::problem::{Part, Problem, Residual, SIGNALS};
 use super::refit::ITERATIONS;
 use super::without::Without;
+use crate::base::units::{Position, Velocity};
 use crate::plant::effects::{Entry, entry, neutral_with_force_mm};
+use crate::plant::steady_force;
 
 /// Names of these effects.
 const USUAL: [&str; 2] = ["viscous-friction", "constant-force"];
+
+/// By how much of the friction two laws of it may differ.
+const NOTICEABLE: f64 = 0.01;
+/// What leaves so many times the power of a signal without any of these effects leaves no less of it.
+const LOUDER: f64 = 1.1;
 
 /// A base with these effects, of no size, but for those that its machine file knows.
 pub(super) fn with(start: &Model) -> Model {
@@ -71,14 +80,16 @@ pub(super) fn told(
     for place in 0..usual {
         let last = (0..all).filter(|other| *other != place).chain([place]);
         let as_last = model.in_order(&last.collect::<Vec<_>>());
-        if !is_sure(problem, &as_last) {
+        if !is_sure(problem, &as_last) || !is_noticeable(problem, &model.model, place) {
             continue;
         }
         let test = Without::of(problem, once, &model, place, [start, &alone.without(place)]);
         let explained = alone_held - test.blocks.cost();
         let gated = |fitted| judged(problem, &test.fitted, (&test.blocks, explained), fitted, rows);
         let own = gated(as_last);
-        if !own.failed.is_empty() || !test.shows_need(&model, blocks, place, rows) {
+        let is_needed = test.shows_need(&model, blocks, place, rows)
+            && !is_louder(problem, [&model.model, &test.fitted.model]);
+        if !own.failed.is_empty() || !is_needed {
             refused.push(own);
             continue;
         }
@@ -97,6 +108,44 @@ pub(super) fn told(
     let silent = (0..usual).filter(|place| !places.contains(place));
     let order: Vec<usize> = (usual..all).chain(places.iter().copied()).chain(silent).collect();
     Told { named, places, refused, model: model.in_order(&order) }
+}
+
+/// Whether one of these effects is so much of the friction that two laws of it do not differ by as much.
+fn is_noticeable(problem: &Problem<'_>, model: &Model, place: usize) -> bool {
+    let (plant, without) = (model.twin().plant, model.without(place).twin().plant);
+    let setpoints = problem.data.iter().flat_map(|data| data.course.setpoints());
+    let fastest = setpoints.map(|setpoint| setpoint.velocity.as_m_per_s().abs()).fold(0.0, f64::max);
+    let fastest = Velocity::m_per_s(fastest);
+    let [with_n, without_n] =
+        [&plant, &without].map(|plant| steady_force(plant, fastest, Position::ZERO).as_n());
+    (with_n - without_n).abs() > NOTICEABLE * plant.friction.sliding.as_n()
+}
+
+/// Whether the first of two models leaves more of a signal than the second, as it was measured: what is always there is slow, and
+/// whitened rows hardly show it.
+fn is_louder(problem: &Problem<'_>, models: [&Model; 2]) -> bool {
+    let powers = models.map(|model| {
+        problem
+            .places(Part::Held)
+            .into_par_iter()
+            .map(|place| {
+                let simulated = problem.simulated(place, model);
+                let power = |pick: Pick| {
+                    let left = problem.left(place, &simulated, pick, Part::Held);
+                    left.iter()
+                        .zip(&problem.data[place].held)
+                        .filter(|(_, counts)| **counts)
+                        .map(|(value, _)| value * value)
+                        .sum::<f64>()
+                };
+                SIGNALS.map(|(.., pick)| power(pick))
+            })
+            .reduce(
+                || [0.0; SIGNALS.len()],
+                |a: [f64; SIGNALS.len()], b| std::array::from_fn(|of| a[of] + b[of]),
+            )
+    });
+    powers[0].iter().zip(powers[1]).any(|(with, without)| *with > LOUDER * without)
 }
 
 /// The same model where a constant force beside a spring is that of the spring: of the two only the sum is known, and one name says
