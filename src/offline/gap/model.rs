@@ -227,7 +227,7 @@ impl Model {
     }
 
     /// The same with what a table scale cannot tell from its last effect in that one's place: an encoder that swings once a turn and a
-    /// screw that does, the other way round, for loops follow their encoder. Nothing where there is none.
+    /// screw that does, the other way round, for loops follow their encoder. Nothing where there is none, or it is there beside it.
     pub fn with_last_as_its_twin(&self) -> Option<Self> {
         let last = self.effects.last()?;
         let lead_mm = 1e3 * self.nominal.mechanics.lead_m;
@@ -239,7 +239,9 @@ impl Model {
             }
             _ => return None,
         };
-        Some(self.without(self.effects.len() - 1).with(Tried { entry: entry(name)?, values }))
+        let is_there = self.effects.iter().any(|tried| tried.entry.name == name);
+        let twin = Tried { entry: entry(name)?, values };
+        (!is_there).then(|| self.without(self.effects.len() - 1).with(twin))
     }
 
     /// What it is simulated with.
@@ -394,6 +396,11 @@ mod tests {
         assert_eq!(of("pitch-error", screw.1), Some(("encoder-eccentricity", [2.0, 40.0, 0.0])));
         assert_eq!(of("pitch-error", [2.0, 10.2, 0.0]), None, "a period of its own");
         assert_eq!(of("backlash", [2.0, 0.0, 0.0]), None);
+        let both = ["pitch-error", "encoder-eccentricity"].map(|name| entry(name).expect("an effect"));
+        let beside = both.iter().fold(Model::new(paper_axis()), |model, entry| {
+            model.with(Tried { entry, values: [1.0, 60.0, 0.0] })
+        });
+        assert!(beside.with_last_as_its_twin().is_none(), "it has that one already");
     }
 
     #[test]
