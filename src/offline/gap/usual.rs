@@ -112,13 +112,16 @@ pub(super) fn told(
 
 /// Whether one of these effects is so much of the friction that two laws of it do not differ by as much.
 fn is_noticeable(problem: &Problem<'_>, model: &Model, place: usize) -> bool {
-    let (plant, without) = (model.twin().plant, model.without(place).twin().plant);
     let setpoints = problem.data.iter().flat_map(|data| data.course.setpoints());
     let fastest = setpoints.map(|setpoint| setpoint.velocity.as_m_per_s().abs()).fold(0.0, f64::max);
-    let fastest = Velocity::m_per_s(fastest);
+    is_more_than_laws_differ(model, &model.without(place), Velocity::m_per_s(fastest))
+}
+
+fn is_more_than_laws_differ(with: &Model, without: &Model, fastest: Velocity) -> bool {
+    let [with, without] = [with, without].map(|model| model.twin().plant);
     let [with_n, without_n] =
-        [&plant, &without].map(|plant| steady_force(plant, fastest, Position::ZERO).as_n());
-    (with_n - without_n).abs() > NOTICEABLE * plant.friction.sliding.as_n()
+        [&with, &without].map(|plant| steady_force(plant, fastest, Position::ZERO).as_n());
+    (with_n - without_n).abs() > NOTICEABLE * with.friction.sliding.as_n()
 }
 
 /// Whether the first of two models leaves more of a signal than the second, as it was measured: what is always there is slow, and
@@ -203,6 +206,22 @@ fn share(left: &[Residual], tried: &[Residual]) -> f64 {
 mod tests {
     use super::*;
     use crate::plant::tests::paper_axis;
+
+    #[test]
+    fn what_two_laws_of_friction_may_differ_by_is_not_to_be_named() {
+        let alone = Model::new(paper_axis());
+        for (name, value, is_more) in [
+            ("constant-force", 5.0, false),
+            ("constant-force", -50.0, true),
+            ("viscous-friction", 0.1, false),
+            ("viscous-friction", 1.0, true),
+        ] {
+            let with =
+                alone.with(Tried { entry: entry(name).expect("an effect"), values: [value, 0.0, 0.0] });
+            let found = is_more_than_laws_differ(&with, &alone, Velocity::mm_per_s(33.0));
+            assert_eq!(found, is_more, "{name} of {value}");
+        }
+    }
 
     #[test]
     fn a_constant_force_beside_a_spring_only_moves_its_neutral_point() {
