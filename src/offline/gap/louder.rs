@@ -37,11 +37,9 @@ impl<'m> Louder<'m> {
         let louder = problem.louder(by);
         let once = louder.first_passes();
         // What was named has been fitted to the bottom, and tells which valley it is.
-        let fitted = if model.effects.len() == start.effects.len() {
-            fit(&louder, &ended(&once, model), Effort::Coarse(ITERATIONS[0]), None)
-        } else {
-            fit(&louder, model, Effort::Coarse(ITERATIONS[0]), None)
-        };
+        let is_base = model.effects.len() == start.effects.len();
+        let from = if is_base { &ended(&once, model) } else { model };
+        let fitted = fit(&louder, from, Effort::Coarse(ITERATIONS[0]), None);
         let [blocks, alone] = [&fitted.model, alone].map(|model| Blocks::new(&louder, model));
         Some(Self { problem: louder, once, fitted, blocks, alone_held: alone.cost() })
     }

@@ -286,6 +286,26 @@ impl<'m> Problem<'m> {
         Some(noise.rms * louder.max(1.0))
     }
 
+    /// What a model leaves of each signal on the rows of a part, rms in its unit, where rows count as much as they tell in `weighed`, which is of
+    /// the same runs.
+    pub(super) fn left_of_told(&self, model: &Model, part: Part, weighed: &Self) -> [f64; SIGNALS.len()] {
+        let (mut sums, mut weights) = ([0.0; SIGNALS.len()], [0.0; SIGNALS.len()]);
+        for place in self.places(part) {
+            let simulated = self.simulated(place, model);
+            for (signal, (_, _, pick)) in SIGNALS.iter().enumerate() {
+                let left = self.left(place, &simulated, *pick, part);
+                let told = self.told(place, signal, weighed);
+                for ((value, told), counts) in left.iter().zip(told).zip(self.data[place].rows(part)) {
+                    if *counts {
+                        sums[signal] += told * value * value;
+                        weights[signal] += told;
+                    }
+                }
+            }
+        }
+        std::array::from_fn(|signal| (sums[signal] / f64::max(weights[signal], f64::MIN_POSITIVE)).sqrt())
+    }
+
     /// How much of each row of a run is not left to chance, as a share of its power: what `weighed` takes for louder than its noise is
     /// what a slip does that comes a moment earlier or later.
     pub fn told<'a>(

@@ -11,17 +11,15 @@
 //! Invariant: in the end effects with a name come first, in the order of their names.
 
 use nalgebra::DMatrix;
-use rayon::prelude::*;
 
 use super::blocks::Blocks;
 use super::fit::{Effort, Fitted, believed, fit};
-use super::floor::Pick;
-use super::gates::{Candidate, is_sure, judged};
+use super::gates::{Candidate, Gate, is_sure, judged};
 use super::linear::{Loss, residuals};
 use super::model::{Model, Tried};
 use super::name::{NamedEffect, weighed};
 use super::near::margin;
-use super::problem::{Part, Problem, Residual, SIGNALS};
+use super::problem::{Part, Problem, Residual};
 use super::refit::ITERATIONS;
 use super::without::Without;
 use crate::base::units::{Position, Velocity};
@@ -86,10 +84,15 @@ pub(super) fn told(
         let test = Without::of(problem, once, &model, place, [start, &alone.without(place)]);
         let explained = alone_held - test.blocks.cost();
         let gated = |fitted| judged(problem, &test.fitted, (&test.blocks, explained), fitted, rows);
-        let own = gated(as_last);
-        let is_needed = test.shows_need(&model, blocks, place, rows)
-            && !is_louder(problem, [&model.model, &test.fitted.model]);
-        if !own.failed.is_empty() || !is_needed {
+        let mut own = gated(as_last);
+        let is_needed = || {
+            test.shows_need(&model, blocks, place, rows)
+                && !is_louder(problem, [&model.model, &test.fitted.model])
+        };
+        if own.failed.is_empty() && !is_needed() {
+            own.failed.push(Gate::Needed);
+        }
+        if !own.failed.is_empty() {
             refused.push(own);
             continue;
         }
@@ -127,28 +130,8 @@ fn is_more_than_laws_differ(with: &Model, without: &Model, fastest: Velocity) ->
 /// Whether the first of two models leaves more of a signal than the second, as it was measured: what is always there is slow, and
 /// whitened rows hardly show it.
 fn is_louder(problem: &Problem<'_>, models: [&Model; 2]) -> bool {
-    let powers = models.map(|model| {
-        problem
-            .places(Part::Held)
-            .into_par_iter()
-            .map(|place| {
-                let simulated = problem.simulated(place, model);
-                let power = |pick: Pick| {
-                    let left = problem.left(place, &simulated, pick, Part::Held);
-                    left.iter()
-                        .zip(&problem.data[place].held)
-                        .filter(|(_, counts)| **counts)
-                        .map(|(value, _)| value * value)
-                        .sum::<f64>()
-                };
-                SIGNALS.map(|(.., pick)| power(pick))
-            })
-            .reduce(
-                || [0.0; SIGNALS.len()],
-                |a: [f64; SIGNALS.len()], b| std::array::from_fn(|of| a[of] + b[of]),
-            )
-    });
-    powers[0].iter().zip(powers[1]).any(|(with, without)| *with > LOUDER * without)
+    let [with, without] = models.map(|model| problem.left_of_told(model, Part::Held, problem));
+    with.iter().zip(without).any(|(with, without)| with * with > LOUDER * without * without)
 }
 
 /// The same model where a constant force beside a spring is that of the spring: of the two only the sum is known, and one name says

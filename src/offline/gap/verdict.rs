@@ -98,23 +98,7 @@ pub(super) fn gaps(
     file: &Model,
     named: &Named,
 ) -> Vec<SignalGap> {
-    let rms = |model: &Model| -> [f64; SIGNALS.len()] {
-        let (mut sums, mut weights) = ([0.0; SIGNALS.len()], [0.0; SIGNALS.len()]);
-        for place in problem.places(Part::Held) {
-            let simulated = problem.simulated(place, model);
-            for (signal, (_, _, pick)) in SIGNALS.iter().enumerate() {
-                let left = problem.left(place, &simulated, *pick, Part::Held);
-                let told = problem.told(place, signal, weighed);
-                for ((value, told), counts) in left.iter().zip(told).zip(&problem.data[place].held) {
-                    if *counts {
-                        sums[signal] += told * value * value;
-                        weights[signal] += told;
-                    }
-                }
-            }
-        }
-        std::array::from_fn(|signal| (sums[signal] / f64::max(weights[signal], f64::MIN_POSITIVE)).sqrt())
-    };
+    let rms = |model: &Model| problem.left_of_told(model, Part::Held, weighed);
     let [file, before, after] = [file, &named.base.model, &named.model.model].map(rms);
     let of = |signal: usize| {
         let floor = problem.floor_of_told(signal, Part::Held, weighed)?;
