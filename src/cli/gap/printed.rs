@@ -14,6 +14,7 @@ use crate::offline::gap::analysis::{Analysis, AxisGap};
 use crate::offline::gap::gates::Gate;
 use crate::offline::gap::locate::unit;
 use crate::offline::gap::problem::SIGNALS;
+use crate::offline::gap::rest::{Rest, Shows};
 use crate::offline::gap::runs::Run;
 use crate::offline::gap::shortlist::Smallest;
 use crate::offline::gap::verdict::{SignalGap, Verdict};
@@ -69,9 +70,37 @@ struct Gap {
     heldout_closed_fraction: f64,
 }
 
+/// Something real that is left without a name, and how it shows.
+#[derive(Debug, Serialize)]
+struct Left {
+    signal: &'static str,
+    /// Over which it comes again.
+    coordinate: Option<String>,
+    /// At which it sounds.
+    frequency_hz: Option<f64>,
+    /// In how many runs it pushes at moments of its own, of how many.
+    pushed_runs: Option<[usize; 2]>,
+    #[serde(skip)]
+    sentence: String,
+}
+
+impl Left {
+    fn new(rest: &Rest) -> Self {
+        let (mut coordinate, mut frequency_hz, mut pushed_runs) = (None, None, None);
+        match rest.shows {
+            Shows::Over(over) => coordinate = Some(over.to_string()),
+            Shows::Tone(tone_hz) => frequency_hz = Some(tone_hz),
+            Shows::Bursts(runs) => pushed_runs = Some(runs),
+        }
+        let signal = SIGNALS[rest.signal].0;
+        Self { signal, coordinate, frequency_hz, pushed_runs, sentence: rest.to_string() }
+    }
+}
+
 #[derive(Debug, Serialize)]
 struct Axis {
     verdict: Verdict,
+    left: Option<Left>,
     base: BTreeMap<&'static str, f64>,
     gap: Vec<SignalGap>,
     left_per_row: [f64; 2],
@@ -178,6 +207,7 @@ impl Printed {
             let unnamed = unnamed.filter(|tried| !tried.entry.is_parameter());
             let printed = Axis {
                 verdict: axis.verdict,
+                left: axis.rest.as_ref().map(Left::new),
                 base: values.chain(unnamed.map(|tried| (tried.entry.name, tried.values[0]))).collect(),
                 gap: axis.gap.clone(),
                 left_per_row: [
@@ -264,6 +294,9 @@ impl Printed {
                     text,
                     "  most is left in {run}: {signal}, {after:.1} per row where noise leaves 1"
                 );
+            }
+            if let Some(left) = &axis.left {
+                let _ = writeln!(text, "  {}", left.sentence);
             }
             for effect in self.effects.iter().filter(|effect| effect.axis == *name) {
                 let _ = writeln!(text, "  {effect}");

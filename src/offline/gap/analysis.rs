@@ -20,8 +20,9 @@ use super::motions::{busy, part_of};
 use super::name::{self, Named};
 use super::problem::{AxisData, Problem, SIGNALS};
 use super::repeats::{Repeat, first_pass, repeats};
+use super::rest::Rest;
 use super::runs::{AxisRun, Run};
-use super::verdict::{SignalGap, Verdict, explains_too_little, gaps, leaves_a_shape, verdict};
+use super::verdict::{SignalGap, Verdict, explains_too_little, gaps, verdict};
 use crate::base::axis::AxisId;
 use crate::config::Machine;
 use crate::rt::drive::velocity::VelocityEstimate;
@@ -82,6 +83,8 @@ pub struct AxisGap<'m> {
     pub named: Named,
     /// In a word.
     pub verdict: Verdict,
+    /// What is left without a name and is something real.
+    pub rest: Option<Rest>,
     /// Where it lives: over which coordinates what the base leaves has a shape.
     pub located: Vec<Located>,
     /// And in which runs.
@@ -173,17 +176,18 @@ fn axis<'m>(
         problem = problem.with_clocks(behind_s);
     }
     let mut gap = gaps(&problem, &weighed, &start, &named);
-    let has_shape = leaves_a_shape(&problem, &named);
-    if !named.effects.is_empty() && (has_shape || explains_too_little(&problem, &weighed, &named)) {
+    let shape = Rest::with_a_shape(&problem, &named);
+    if !named.effects.is_empty() && (shape.is_some() || explains_too_little(&problem, &weighed, &named)) {
         named.withdraw();
         gap.iter_mut().for_each(|signal| signal.after = signal.before);
     }
-    let verdict = verdict(&named, &gap, has_shape);
+    let rest = shape.or_else(|| Rest::of_bursts(&problem, &named.model.model));
+    let verdict = verdict(&named, &gap, rest.is_some());
     let both = locate::both(&problem, &named.base.model, &named.model.model);
     let (located, runs_left) = (locate::located(&problem, &both), locate::runs_left(&problem, &both));
     let of = |place| consequence(&problem, &named.model.model, place);
     let consequences = (0..named.effects.len()).map(of).collect();
-    Ok(AxisGap { id, problem, controller, named, verdict, located, runs_left, gap, consequences })
+    Ok(AxisGap { id, problem, controller, named, verdict, rest, located, runs_left, gap, consequences })
 }
 
 /// An axis with its runs and their noise, under gains; `phases` are the rows in which its position loop acts first.

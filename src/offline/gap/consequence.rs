@@ -29,8 +29,7 @@ pub fn consequence(problem: &Problem<'_>, model: &Model, place: usize) -> Option
         let part = data.main_part();
         let of_signal = |signal: usize| {
             let noise = problem.noises[signal].as_ref()?.rms;
-            let [with, without] =
-                both.each_ref().map(|made| problem.left(run, made, SIGNALS[signal].2, part));
+            let [with, without] = both.each_ref().map(|made| problem.left(run, made, signal, part));
             let counting = with.iter().zip(&without).zip(data.rows(part)).filter(|(_, counts)| **counts);
             let (sum, count) =
                 counting.fold((0.0, 0usize), |(sum, count), ((a, b), _)| (sum + (a - b).powi(2), count + 1));

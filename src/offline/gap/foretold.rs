@@ -11,9 +11,11 @@
 
 use rayon::prelude::*;
 
+use super::fit::share_that_holds;
+use super::linear::{Linear, Loss, Steps, residuals};
 use super::locate::{Coordinates, coordinates, place_of};
 use super::model::Model;
-use super::problem::{Part, Problem};
+use super::problem::{Part, Problem, Residual, SIGNALS};
 use super::tones::tones;
 use crate::plant::effects::Coordinate;
 
@@ -40,26 +42,78 @@ const FAR: f64 = 4.0;
 const SURE: f64 = 4.0;
 const LEAST: f64 = 200.0;
 
-/// How much of what a model leaves the largest sure shape or tone foretells, as a sum of squares; nothing where none is sure.
-pub(super) fn foretold(problem: &Problem<'_>, model: &Model) -> Option<f64> {
-    let places = (0..problem.data.len()).into_par_iter();
-    let runs: Vec<Run> = places.map(|place| Run::new(problem, model, place)).collect();
+/// Over what something that is left comes again.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Again {
+    Over(Coordinate),
+    /// As a tone of this frequency, Hz.
+    Tone(f64),
+}
+
+/// What a model leaves that is foretold.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Foretold {
+    /// How much, as a sum of squares.
+    pub(super) gain: f64,
+    /// Place of the signal in [`SIGNALS`].
+    pub(super) signal: usize,
+    pub(super) again: Again,
+}
+
+/// The largest sure shape or tone of what a model leaves and its coordinates do not make up for; nothing where none is sure.
+pub(super) fn foretold(problem: &Problem<'_>, model: &Model) -> Option<Foretold> {
+    let parts = [Part::Fit, Part::Held].map(|part| (part, residuals(problem, model, part)));
+    largest(problem, &parts.each_ref().map(|(_, left)| left.iter().collect()))?;
+    // Rows of stick and slip in one signal may hold the base where all others want a little less friction: that is no shape of
+    // something else. So each signal has the base that it wants.
+    let linear = parts.map(|left| Linear::new(problem, model, left, None, &Steps::widest(model)));
     let signals = problem.noises.iter().flatten().count();
-    let shapes: Vec<(usize, Coordinate)> =
-        (0..signals).flat_map(|signal| OVER.map(|over| (signal, over))).collect();
-    let length = problem.rows_in(BLOCK_S);
-    let shape =
-        |(signal, over): &(usize, Coordinate)| sure_sum(&gains(&binned(&runs, *signal, *over), length));
-    let tone = |signal: usize| {
-        let left: Vec<&[f64]> =
-            runs.iter().filter_map(|run| Some(run.left.get(signal)?.as_slice())).collect();
-        tones(&left, length, problem.machine.cycle.position_every)
-            .iter()
-            .filter_map(|line| sure_sum(line))
-            .reduce(f64::max)
+    let by_signal: Vec<[Vec<Residual>; 2]> = (0..signals)
+        .into_par_iter()
+        .map(|place| made_up_for(linear.each_ref(), place))
+        .collect::<Option<_>>()?;
+    let together = |part: usize| -> Vec<Residual> {
+        let runs = by_signal[0][part].len();
+        (0..runs).map(|run| by_signal.iter().map(|signal| signal[part][run][0].clone()).collect()).collect()
     };
-    let of_shapes = shapes.par_iter().filter_map(shape).reduce_with(f64::max);
-    (0..signals).filter_map(tone).chain(of_shapes).reduce(f64::max)
+    let left = [0, 1].map(together);
+    largest(problem, &left.each_ref().map(|left| left.iter().collect()))
+}
+
+/// What is left of one signal of both parts where the model makes up for it as far as it may, whatever others say.
+fn made_up_for(linear: [&Linear; 2], signal: usize) -> Option<[Vec<Residual>; 2]> {
+    let alone = linear.map(|linear| linear.of_signal(signal));
+    let [fit, held] = alone.each_ref().map(|linear| linear.normal(usize::MAX, Loss::LAST));
+    let step = fit.plus(held).with_beliefs(&alone[0].model).step()?;
+    let step = &step * share_that_holds(&step);
+    Some(alone.map(|linear| linear.runs.iter().map(|run| run.moved(&step)).collect()))
+}
+
+/// The largest sure shape or tone of what is left of both parts of all runs.
+fn largest(problem: &Problem<'_>, left: &[Vec<&Residual>; 2]) -> Option<Foretold> {
+    let places = (0..problem.data.len()).into_par_iter();
+    let runs: Vec<Run> = places.map(|place| Run::new(problem, left, place)).collect();
+    // What is left has no place for a signal without noise.
+    let signals: Vec<usize> = (0..SIGNALS.len()).filter(|signal| problem.noises[*signal].is_some()).collect();
+    let places = || signals.iter().copied().enumerate();
+    let shapes: Vec<(usize, usize, Coordinate)> =
+        places().flat_map(|(place, signal)| OVER.map(|over| (place, signal, over))).collect();
+    let length = problem.rows_in(BLOCK_S);
+    let shape = |(place, signal, over): &(usize, usize, Coordinate)| {
+        let gain = sure_sum(&gains(&binned(&runs, *place, *over), length))?;
+        Some(Foretold { gain, signal: *signal, again: Again::Over(*over) })
+    };
+    let of_tones = places().flat_map(|(place, signal)| {
+        let left: Vec<&[f64]> = runs.iter().filter_map(|run| Some(run.left.get(place)?.as_slice())).collect();
+        tones(&left, length, problem.machine.cycle.position_every).into_iter().filter_map(
+            move |(line, gains)| {
+                let again = Again::Tone(line as f64 / BLOCK_S);
+                Some(Foretold { gain: sure_sum(&gains)?, signal, again })
+            },
+        )
+    });
+    let of_shapes: Vec<Foretold> = shapes.par_iter().filter_map(shape).collect();
+    of_tones.chain(of_shapes).max_by(|a, b| a.gain.total_cmp(&b.gain))
 }
 
 /// The rows of a run that count.
@@ -70,18 +124,22 @@ struct Run {
 }
 
 impl Run {
-    fn new(problem: &Problem<'_>, model: &Model, place: usize) -> Self {
-        let (data, simulated) = (&problem.data[place], problem.simulated(place, model));
-        let parts = [Part::Fit, Part::Held].map(|part| problem.whitened(place, &simulated, part));
+    /// Of a place, of what is left of the runs that have rows of each part.
+    fn new(problem: &Problem<'_>, left: &[Vec<&Residual>; 2], place: usize) -> Self {
+        let data = &problem.data[place];
         let counting: Vec<usize> =
             (0..data.fit.len()).filter(|row| data.fit[*row] || data.held[*row]).collect();
-        let of = |[fit, held]: [&Vec<f64>; 2]| -> Vec<f64> {
-            // A row that is of another part is zero.
-            let rows = counting.iter().filter_map(|row| Some(fit.get(*row)? + held.get(*row)?));
-            rows.map(|left| left.clamp(-FAR, FAR)).collect()
+        let parts = [Part::Fit, Part::Held].into_iter().zip(left).filter_map(|(part, left)| {
+            let number = problem.places(part).iter().position(|other| *other == place)?;
+            Some(left[number])
+        });
+        let parts: Vec<&Residual> = parts.collect();
+        // A row that is of another part is zero.
+        let of = |signal: usize| -> Vec<f64> {
+            let row = |row: &usize| parts.iter().map(|part| part[signal].get(*row)).sum::<Option<f64>>();
+            counting.iter().filter_map(row).map(|left| left.clamp(-FAR, FAR)).collect()
         };
-        let [fit, held] = &parts;
-        let left = fit.iter().zip(held).map(|(fit, held)| of([fit, held])).collect();
+        let left = (0..parts.first().map_or(0, |part| part.len())).map(of).collect();
         let all = coordinates(problem, place);
         Self { coordinates: counting.iter().map(|row| all[*row]).collect(), left }
     }

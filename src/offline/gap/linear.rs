@@ -91,6 +91,21 @@ pub struct LinearRun {
     pub columns: Vec<Column>,
 }
 
+impl LinearRun {
+    /// What is left of it a step further, where all is linear.
+    pub(super) fn moved(&self, step: &DVector<f64>) -> Residual {
+        let mut moved = self.residual.clone();
+        for (column, step) in
+            self.columns.iter().zip(step).filter_map(|(column, step)| Some((column.as_ref()?, step)))
+        {
+            for (moved, column) in moved.iter_mut().zip(column.iter()) {
+                moved.iter_mut().zip(column).for_each(|(value, by)| *value += step * by);
+            }
+        }
+        moved
+    }
+}
+
 /// Over which step each coordinate is differentiated.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Steps(Vec<f64>);
@@ -165,6 +180,17 @@ impl Linear {
             coordinates.iter().for_each(|coordinate| run.columns[*coordinate] = None);
         }
         holding
+    }
+
+    /// The same of one signal alone.
+    #[must_use]
+    pub(super) fn of_signal(&self, signal: usize) -> Self {
+        let alone = |residual: &Residual| vec![residual[signal].clone()];
+        let of = |run: &LinearRun| LinearRun {
+            residual: alone(&run.residual),
+            columns: run.columns.iter().map(|column| Some(Arc::new(alone(column.as_ref()?)))).collect(),
+        };
+        Self { model: self.model.clone(), runs: self.runs.iter().map(of).collect() }
     }
 
     /// Sum of `ρ` over what is left.
@@ -248,7 +274,9 @@ impl Normal {
         }
     }
 
-    fn plus(mut self, other: Self) -> Self {
+    /// Of the rows of both.
+    #[must_use]
+    pub(super) fn plus(mut self, other: Self) -> Self {
         self.curvature += other.curvature;
         self.slope += other.slope;
         self.spread += other.spread;

@@ -102,7 +102,7 @@ pub fn runs_left(problem: &Problem<'_>, both: &Both) -> Vec<RunLeft> {
             let per_row = simulated.each_ref().map(|simulated| {
                 let (mut sum, mut count) = (0.0, 0usize);
                 for part in [Part::Fit, Part::Held].into_iter().filter(|part| data.has(*part)) {
-                    let white = noise.whitened(&problem.left(place, simulated, SIGNALS[signal].2, part));
+                    let white = noise.whitened(&problem.left(place, simulated, signal, part));
                     for ((value, counts), loud) in
                         white.iter().zip(data.rows(part)).zip(&data.loudness[signal])
                     {
@@ -177,9 +177,9 @@ impl Rows {
         let coordinates = coordinates(problem, place);
         let counts = |row: &usize| data.fit[*row] || data.held[*row];
         let part = data.main_part();
-        let left = SIGNALS.map(|(.., pick)| {
+        let left = std::array::from_fn(|signal| {
             let [before, after] =
-                simulated.each_ref().map(|simulated| problem.left(place, simulated, pick, part));
+                simulated.each_ref().map(|simulated| problem.left(place, simulated, signal, part));
             (0..before.len()).filter(counts).map(|row| [before[row], after[row]]).collect()
         });
         let coordinates = (0..coordinates.len()).filter(counts).map(|row| coordinates[row]).collect();

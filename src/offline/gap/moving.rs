@@ -17,7 +17,7 @@ use super::problem::{AxisData, Part, Problem};
 use crate::base::units::Velocity;
 
 /// How many times faster than the end of the fall of friction, and for how long already, s.
-const FASTER: f64 = 4.0;
+pub(super) const FASTER: f64 = 4.0;
 const SINCE_S: f64 = 0.05;
 /// Fewer rows tell no base, s.
 const LEAST_S: f64 = 2.0;
@@ -45,7 +45,7 @@ impl Problem<'_> {
 }
 
 /// In which rows an axis has been faster for so many rows already.
-fn moves(
+pub(super) fn moves(
     velocities: impl Iterator<Item = Velocity>,
     least: Velocity,
     rows: usize,

@@ -28,6 +28,9 @@ pub const SIGNALS: [(&str, &str, Pick); 3] = [
     ("current", "A", |signals| &signals.current_a),
 ];
 
+/// Place of the one that has a zero of its own.
+const DEFLECTION: usize = 1;
+
 /// Name of the signal of a place in [`SIGNALS`] as it is shown, how much more of its unit it is than in SI, and that unit.
 pub fn shown(signal: usize) -> (&'static str, f64, &'static str) {
     let (name, unit, _) = SIGNALS[signal];
@@ -218,23 +221,28 @@ impl<'m> Problem<'m> {
         signals
     }
 
-    /// Measured less simulated of a signal, in its unit; zero where a row does not count.
-    pub fn left(&self, place: usize, simulated: &Signals, pick: Pick, part: Part) -> Vec<f64> {
-        let data = &self.data[place];
+    /// Measured less simulated of the signal of a place in [`SIGNALS`], in its unit; zero where a row does not count.
+    pub fn left(&self, place: usize, simulated: &Signals, signal: usize, part: Part) -> Vec<f64> {
+        let (data, (.., pick)) = (&self.data[place], SIGNALS[signal]);
         let mut left: Vec<f64> = pick(&data.measured)
             .iter()
             .zip(pick(simulated))
             .map(|(measured, model)| measured - model)
             .collect();
-        let (mut sum, mut count) = (0.0, 0usize);
-        for (value, counts) in left.iter().zip(data.rows(part)) {
+        if signal != DEFLECTION {
+            return left;
+        }
+        // Rows in which a slip comes a moment later say little of where zero is.
+        let louds = data.loudness[signal].iter().copied().chain(std::iter::repeat(1.0));
+        let (mut sum, mut weights) = (0.0, 0.0);
+        for ((value, counts), loud) in left.iter().zip(data.rows(part)).zip(louds) {
             if *counts {
-                sum += value;
-                count += 1;
+                let weight = (loud * loud).recip();
+                sum += weight * value;
+                weights += weight;
             }
         }
-        let is_deflection = std::ptr::fn_addr_eq(pick, SIGNALS[1].2);
-        let mean = if is_deflection && count > 0 { sum / count as f64 } else { 0.0 };
+        let mean = sum / f64::max(weights, f64::MIN_POSITIVE);
         left.iter_mut().for_each(|value| *value -= mean);
         left
     }
@@ -248,7 +256,7 @@ impl<'m> Problem<'m> {
     pub fn whitened(&self, place: usize, simulated: &Signals, part: Part) -> Residual {
         let of = |(signal, noise): (usize, &Option<Noise>)| {
             let noise = noise.as_ref()?;
-            let left = self.left(place, simulated, SIGNALS[signal].2, part);
+            let left = self.left(place, simulated, signal, part);
             if left.is_empty() {
                 return Some(Vec::new());
             }
@@ -292,8 +300,8 @@ impl<'m> Problem<'m> {
         let (mut sums, mut weights) = ([0.0; SIGNALS.len()], [0.0; SIGNALS.len()]);
         for place in self.places(part) {
             let simulated = self.simulated(place, model);
-            for (signal, (_, _, pick)) in SIGNALS.iter().enumerate() {
-                let left = self.left(place, &simulated, *pick, part);
+            for signal in 0..SIGNALS.len() {
+                let left = self.left(place, &simulated, signal, part);
                 let told = self.told(place, signal, weighed);
                 for ((value, told), counts) in left.iter().zip(told).zip(self.data[place].rows(part)) {
                     if *counts {

@@ -19,8 +19,9 @@ use rustfft::FftPlanner;
 /// Lines on either side, from the nearest that a window keeps apart to the furthest, that are its neighbourhood.
 const ABOUT: [usize; 2] = [3, 12];
 
-/// By line, the gain of each window of so many rows of all runs; none of lines of a loop that acts every so many rows.
-pub(super) fn tones(runs: &[&[f64]], length: usize, loop_every: u32) -> Vec<Vec<f64>> {
+/// Lines, in periods per window of so many rows, with the gain of each window of all runs; none of lines of a loop that acts every so
+/// many rows.
+pub(super) fn tones(runs: &[&[f64]], length: usize, loop_every: u32) -> Vec<(usize, Vec<f64>)> {
     let transform = FftPlanner::new().plan_fft_forward(length);
     let hann: Vec<f64> = (0..length).map(|row| 1.0 - (TAU * row as f64 / length as f64).cos()).collect();
     let of_loop = length as f64 / f64::from(loop_every);
@@ -41,7 +42,7 @@ pub(super) fn tones(runs: &[&[f64]], length: usize, loop_every: u32) -> Vec<Vec<
             gains.push(if mean > 0.0 { 2.0 * (power[line] / mean - 1.0) } else { 0.0 });
         }
     }
-    lines
+    (ABOUT[1]..).zip(lines).collect()
 }
 
 #[cfg(test)]
@@ -67,8 +68,8 @@ mod tests {
         let gains = tones(&[&left], LENGTH, 4);
         gains
             .iter()
-            .filter(|gains| !gains.is_empty())
-            .map(|gains| gains.iter().sum::<f64>() / gains.len() as f64)
+            .filter(|(_, gains)| !gains.is_empty())
+            .map(|(_, gains)| gains.iter().sum::<f64>() / gains.len() as f64)
             .collect()
     }
 
@@ -77,8 +78,9 @@ mod tests {
         let left: Vec<f64> =
             (0..4 * LENGTH).map(|row| if row.is_multiple_of(4) { 1.0 } else { 0.0 }).collect();
         let [own, another] = [4, 3].map(|every| tones(&[&left], LENGTH, every));
-        assert!(own[LENGTH / 4 - ABOUT[1]].is_empty());
-        assert!(another[LENGTH / 4 - ABOUT[1]].iter().all(|gain| *gain > 100.0));
+        let [own, another] = [own, another].map(|lines| lines[LENGTH / 4 - ABOUT[1]].clone());
+        assert_eq!(own, (LENGTH / 4, Vec::new()));
+        assert!(another.1.iter().all(|gain| *gain > 100.0));
     }
 
     #[test]

@@ -8,7 +8,6 @@ use std::fmt;
 use serde::Serialize;
 
 use super::fit::Fitted;
-use super::foretold::foretold;
 use super::forward::Signals;
 use super::gates::Candidate;
 use super::linear::BLOCK_S;
@@ -21,8 +20,6 @@ pub const PRACTICAL_UM: f64 = 0.1;
 /// Where what is left without a name has the power of noise, names must close this share of it.
 const PLAIN: f64 = 1.0;
 const CLOSED: f64 = 0.75;
-/// Share of what names explain that may be left in a shape.
-const LEFT_SHARE: f64 = 0.05;
 /// Share of the time in which what is left says nothing of what is named.
 const LEANED: f64 = 0.05;
 /// Most effects of a class that still says something.
@@ -120,14 +117,6 @@ fn costs_more_than_noise(named: &Named) -> bool {
     named.blocks[1].costs_more_than_noise()
 }
 
-/// Whether what is left has a shape that all runs share, which is something real; where names explain twenty times as much, it
-/// may be their equations that are off.
-pub(super) fn leaves_a_shape(problem: &Problem<'_>, named: &Named) -> bool {
-    let [base, model] = named.held();
-    let explained = (named.base.cost - named.model.cost) + (base - model);
-    foretold(problem, &named.model.model).is_some_and(|left| left > LEFT_SHARE * explained)
-}
-
 /// Whether what was named leaves much of what there is: then it is something else that looks like it from afar.
 pub(super) fn explains_too_little(problem: &Problem<'_>, weighed: &Problem<'_>, named: &Named) -> bool {
     if !costs_more_than_noise(named) {
@@ -159,13 +148,11 @@ fn blocks_of_power(problem: &Problem<'_>, weighed: &Problem<'_>, models: [&Model
     for place in problem.places(Part::Held) {
         let rows = problem.data[place].rows(Part::Held);
         let simulated = models.map(|model| problem.simulated(place, model));
-        let left: Vec<[Vec<f64>; 2]> = SIGNALS
-            .iter()
-            .enumerate()
-            .filter_map(|(signal, (.., pick))| {
+        let left: Vec<[Vec<f64>; 2]> = (0..SIGNALS.len())
+            .filter_map(|signal| {
                 let floor = floors[signal]?;
                 let of = |simulated: &Signals| -> Vec<f64> {
-                    let left = problem.left(place, simulated, *pick, Part::Held);
+                    let left = problem.left(place, simulated, signal, Part::Held);
                     let told = problem.told(place, signal, weighed);
                     left.iter().zip(told).map(|(value, told)| told * (value / floor).powi(2)).collect()
                 };
@@ -190,8 +177,8 @@ fn blocks_of_power(problem: &Problem<'_>, weighed: &Problem<'_>, models: [&Model
     blocks
 }
 
-/// What is to be said of an axis, where what is left has a shape or has not.
-pub(super) fn verdict(named: &Named, gap: &[SignalGap], has_shape: bool) -> Verdict {
+/// What is to be said of an axis, where something real is left or is not.
+pub(super) fn verdict(named: &Named, gap: &[SignalGap], has_rest: bool) -> Verdict {
     let excess = |value: f64, floor: f64| (value * value - floor * floor).max(0.0).sqrt();
     let is_real = |of: fn(&SignalGap) -> f64| {
         gap.iter().any(|signal| {
@@ -215,7 +202,7 @@ pub(super) fn verdict(named: &Named, gap: &[SignalGap], has_shape: bool) -> Verd
         };
     }
     let is_shown = named.refused.iter().any(Candidate::shows_something);
-    if has_shape || is_shown || (costs_more_than_noise(named) && is_real(|signal| signal.after)) {
+    if has_rest || is_shown || (costs_more_than_noise(named) && is_real(|signal| signal.after)) {
         return Verdict::Unknown;
     }
     let moved = |fitted: &Fitted| {

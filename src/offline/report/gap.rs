@@ -69,6 +69,7 @@ fn page(machine: &Machine, analysis: &Analysis<'_>, rows: &[NamedRow]) -> String
         }
         @for axis in &analysis.axes {
             h2 { "Axis " (names[axis.id.index()]) ": " (axis.verdict) }
+            @if let Some(rest) = &axis.rest { p { "Something real is left without a name: " (rest) "." } }
             (PreEscaped(shrunk(axis)))
             @for svg in drawn(axis, &names[axis.id.index()]) { figure { (PreEscaped(svg)) } }
             (PreEscaped(seen(axis)))
