@@ -50,16 +50,20 @@ impl Near {
         let ends: Vec<Fitted> = near.par_iter().map(to_the_bottom).collect();
         let mut ends: Vec<(Candidate, Fitted)> = near.into_iter().zip(ends).collect();
         ends.sort_by(|a, b| a.1.total.total_cmp(&b.1.total));
+        let scale = scale(ends[0].1.cost, rows);
+        let numbers = |end: &Fitted| end.model.coordinate_count();
+        let price = |end: &Fitted| end.total / scale + numbers(end) as f64 * (rows.max(1) as f64).ln();
+        ends.sort_by(|a, b| price(&a.1).total_cmp(&price(&b.1)));
         let model = ends[0].1.clone();
-        let scale = scale(model.cost, rows);
         let margin = margin((without.total - model.total) / scale);
-        let behind = |end: &Fitted| (end.total - model.total) / scale;
+        let behind = |end: &Fitted| price(end) - price(&model);
         let best = ends[0].0.name();
         // What no data tell apart ends elsewhere by chance, and so does by a little what was near before.
         let is_apart = |(candidate, end): &(Candidate, Fitted)| {
-            let was_far =
-                candidate.evidence <= least || end.model.coordinate_count() > model.model.coordinate_count();
-            let is_behind = behind(end) > margin && (was_far || end.cost > PLAIN * model.cost);
+            // More numbers that say no more are no other explanation.
+            let has_more = numbers(end) > numbers(&model);
+            let was_far = candidate.evidence <= least || end.cost > PLAIN * model.cost;
+            let is_behind = has_more || (behind(end) > margin && was_far);
             is_behind && !is_alias(best, candidate.name())
         };
         let (apart, ends): (Vec<_>, Vec<_>) = ends.into_iter().partition(is_apart);
