@@ -22,7 +22,7 @@ use super::model::Model;
 use super::near::{Near, ROUGHLY, is_alias, margin};
 use super::problem::{Part, Problem};
 use super::refit::{
-    ITERATIONS, REACH, base_refitted, coarsely, coarsely_from, ended, is_far, refitted, scale,
+    ITERATIONS, REACH, another_way, base_refitted, coarsely, coarsely_from, ended, is_far, refitted, scale,
 };
 use super::shortlist::{Scored, Smallest, shortlist};
 use super::spectrum::Peaks;
@@ -121,13 +121,13 @@ impl NamedEffect {
 
 /// Names what an axis lacks; `progress` is told what is being done. With it the runs as they were weighed in the end.
 pub fn name<'m>(
-    problem: &Problem<'m>,
+    as_it_is: &Problem<'m>,
     start: &Model,
     progress: &(dyn Fn(&str) + Sync),
 ) -> (Named, Problem<'m>) {
-    let rows = [Part::Fit, Part::Held].map(|part| problem.count(part));
+    let rows = [Part::Fit, Part::Held].map(|part| as_it_is.count(part));
     progress("fitting the base model");
-    let (mut problem, coarse, led) = coarsely(problem, &usual::with(start));
+    let (mut problem, mut coarse, led) = coarsely(as_it_is, &usual::with(start));
     // What has one valley and was led by no stick and slip is where other ways begin.
     let (start, usual) = (&led, led.effects.len());
     let clocks_behind_s = clocks::behind_s(&problem, &coarse.model);
@@ -139,7 +139,7 @@ pub fn name<'m>(
     let mut alone_held = blocks.cost();
     // The base at its bottom, which is known where a name was put to the test.
     let mut base: Option<Fitted> = None;
-    let mut valleys = 0;
+    let (mut valleys, mut has_turned) = (0, false);
     let mut effects: Vec<NamedEffect> = Vec::new();
     let (mut refused, mut smallest) = (Vec::new(), Vec::new());
     while effects.len() < EFFECTS_MAX {
@@ -188,7 +188,22 @@ pub fn name<'m>(
         let (passed, failed): (Vec<Candidate>, Vec<Candidate>) =
             candidates.into_iter().partition(|candidate| candidate.failed.is_empty());
         refused = failed;
-        let Some(best) = passed.first() else { break };
+        let Some(best) = passed.first() else {
+            if louder.is_none() || !is_first || has_turned {
+                break;
+            }
+            progress("fitting the base model by another way");
+            has_turned = true;
+            let clocked = clocks_behind_s.as_ref().map(|behind_s| as_it_is.with_clocks(behind_s));
+            let Some(other) = another_way(clocked.as_ref().unwrap_or(as_it_is), start, &coarse.model) else {
+                break;
+            };
+            (problem, coarse) = other;
+            once = problem.first_passes();
+            (model, blocks) = (coarse.clone(), Blocks::new(&problem, &coarse.model));
+            alone_held = blocks.cost();
+            continue;
+        };
         let (best_name, margin) = (best.name(), margin(best.evidence));
         // What says no more with more numbers is no other explanation.
         let count = |candidate: &Candidate| candidate.fitted.model.coordinate_count();

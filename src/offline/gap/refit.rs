@@ -130,12 +130,7 @@ pub(super) fn coarsely<'m>(problem: &Problem<'m>, start: &Model) -> (Problem<'m>
         begun.extend(TUNED.map(|by| apart(start, by)));
     }
     let led = led_by_motion(&once, &begun);
-    let about = |model: &Model| {
-        let problem = problem.where_straight(model, REACH, 0);
-        let fitted = fit(&problem, model, Effort::Coarse(ITERATIONS[0]), None);
-        (problem, fitted)
-    };
-    let (near, first) = about(&nearer(&once, &led, 0));
+    let (near, first) = about(problem, &nearer(&once, &led, 0));
     // Where little is left another way leads nowhere else, and where much is, something is missing that no way makes up for.
     let is_little = first.cost <= PLAIN * near.count(Part::Fit) as f64;
     if is_little || knee(&residuals(&near, &first.model, Part::Fit)) >= LOUDER * K {
@@ -143,8 +138,27 @@ pub(super) fn coarsely<'m>(problem: &Problem<'m>, start: &Model) -> (Problem<'m>
     }
     let other = by_way(&once, &led, 1);
     let is_deeper = total_of(problem, &other) < total_of(problem, &first.model);
-    let (near, fitted) = if is_deeper { about(&other) } else { (near, first) };
+    let (near, fitted) = if is_deeper { about(problem, &other) } else { (near, first) };
     (near, fitted, led)
+}
+
+/// A base fitted coarsely to rows that count by how straight it is about them.
+fn about<'m>(problem: &Problem<'m>, base: &Model) -> (Problem<'m>, Fitted) {
+    let problem = problem.where_straight(base, REACH, 0);
+    let fitted = fit(&problem, base, Effort::Coarse(ITERATIONS[0]), None);
+    (problem, fitted)
+}
+
+/// The base by another way from where rows in motion led, if it leaves plainly less: where one leaves so much that something must be
+/// missing and nothing explains it, it was the way.
+pub(super) fn another_way<'m>(
+    problem: &Problem<'m>,
+    led: &Model,
+    base: &Model,
+) -> Option<(Problem<'m>, Fitted)> {
+    let other = by_way(&problem.first_passes(), led, 1);
+    let [other_total, total] = [&other, base].map(|model| total_of(problem, model));
+    (other_total < FAR * total).then(|| about(problem, &other))
 }
 
 /// A model fitted coarsely, from where it stands and from another base.

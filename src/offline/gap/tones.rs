@@ -2,16 +2,17 @@
 //! hunts keeps its frequency, whatever the axis does, and no phase.
 //!
 //! ```text
-//!   what is left ──► windows of a second ──► power of each line ──► over the mean of the lines about it
+//!   what is left ──► windows of a second ──► power of each line ──► over the mean of the lines on its louder side
 //! ```
 //!
 //! A loop that acts once in so many cycles moves the current in steps of its encoder: these lines, and what folds onto them, are
 //! no tones.
 //! Units: what is left is whitened, so that a line of noise has a mean of 2 in a window; what is more is a gain, as of a
 //! shape.
-//! Invariant: noise of any smooth spectrum has no gain on average.
+//! Invariant: noise of any smooth spectrum has no gain on average, or a loss.
 
 use std::f64::consts::TAU;
+use std::ops::Range;
 
 use nalgebra::Complex;
 use rustfft::FftPlanner;
@@ -37,9 +38,10 @@ pub(super) fn tones(runs: &[&[f64]], length: usize, loop_every: u32) -> Vec<(usi
         let power: Vec<f64> = spectrum[..length / 2].iter().map(|line| line.norm_sqr()).collect();
         for (line, gains) in (ABOUT[1]..).zip(&mut lines).filter(|(line, _)| !is_of_loop(*line)) {
             let sides = [line - ABOUT[1]..line - ABOUT[0] + 1, line + ABOUT[0]..line + ABOUT[1] + 1];
-            let about: f64 = sides.into_iter().flat_map(|side| &power[side]).sum();
-            let mean = about / (2 * (ABOUT[1] - ABOUT[0] + 1)) as f64;
-            gains.push(if mean > 0.0 { 2.0 * (power[line] / mean - 1.0) } else { 0.0 });
+            // Louder than either side: where a spectrum falls, its edge is louder than the mean of both.
+            let mean = |side: Range<usize>| power[side.clone()].iter().sum::<f64>() / side.len() as f64;
+            let about = sides.into_iter().map(mean).fold(0.0, f64::max);
+            gains.push(if about > 0.0 { 2.0 * (power[line] / about - 1.0) } else { 0.0 });
         }
     }
     (ABOUT[1]..).zip(lines).collect()
@@ -81,6 +83,30 @@ mod tests {
         let [own, another] = [own, another].map(|lines| lines[LENGTH / 4 - ABOUT[1]].clone());
         assert_eq!(own, (LENGTH / 4, Vec::new()));
         assert!(another.1.iter().all(|gain| *gain > 100.0));
+    }
+
+    #[test]
+    fn where_a_spectrum_falls_there_is_no_tone() {
+        // Lines of one power up to an edge, and of a hundredth beyond.
+        const EDGE: usize = 60;
+        let mut random = Pcg64Mcg::seed_from_u64(5);
+        let mut window = || {
+            let mut left = vec![0.0; LENGTH];
+            for line in 1..LENGTH / 2 {
+                let amplitude = if line <= EDGE { 1.0 } else { 0.1 };
+                let phase = TAU * random.random::<f64>();
+                left.iter_mut().enumerate().for_each(|(row, left)| {
+                    *left += amplitude * (TAU * (line * row) as f64 / LENGTH as f64 + phase).sin();
+                });
+            }
+            left
+        };
+        let left: Vec<f64> = (0..40).flat_map(|_| window()).collect();
+        let mean = |gains: &[f64]| gains.iter().sum::<f64>() / gains.len() as f64;
+        let lines = tones(&[&left], LENGTH, 4);
+        let loudest = lines.iter().filter(|(_, gains)| !gains.is_empty()).map(|(_, gains)| mean(gains));
+        let loudest = loudest.fold(f64::MIN, f64::max);
+        assert!(loudest < 1.0, "{loudest}");
     }
 
     #[test]
