@@ -225,7 +225,7 @@ fn column(
     coordinate: usize,
     step: f64,
 ) -> Option<Residual> {
-    if !model.is_free(coordinate) || !problem.tells(coordinate) {
+    if !model.is_free(coordinate) || !problem.tells(model, coordinate) {
         return None;
     }
     // Away from a bound where one is near.

@@ -285,6 +285,12 @@ impl Model {
         })
     }
 
+    /// The coordinate of the force that is always there.
+    pub(super) fn constant_force(&self) -> Option<usize> {
+        let place = self.effects.iter().position(|tried| tried.entry.name == "constant-force")?;
+        Some(self.first_coordinate(place))
+    }
+
     /// Whether a coordinate moves anything: a share of what the file says is nothing does not.
     pub fn is_free(&self, coordinate: usize) -> bool {
         let twin = Twin { plant: self.nominal, current_gain: 1.0 };

@@ -7,7 +7,8 @@
 //! From a machine file that is a fifth off, minutes of sticking say nothing of which way to go, and outvote the rest. Rows in motion
 //! tell mass, friction, stiffness and the loops by themselves, and their cost has one valley. So they do by how much an axis breaks away,
 //! for it rings as it sets out: taken from a file that is half off, mass and stiffness make up for it, and the sticking
-//! rows lead nowhere from there. What they say nothing of, over which velocities friction falls, stays as it is.
+//! rows lead nowhere from there. And they alone tell the force that is always there: a table that sticks hangs where it came to rest,
+//! and what one run of small reversals seems to say of that force outvotes what all others know of it. What they say nothing of, over which velocities friction falls, stays as it is.
 //! Invariant: the same setpoints give the same rows, whatever was measured.
 
 use std::sync::Arc;
@@ -40,7 +41,8 @@ impl Problem<'_> {
         };
         let data: Vec<AxisData> = self.data.iter().map(of).filter(|data| data.has(Part::Fit)).collect();
         let rows = data.iter().flat_map(|data| &data.fit).filter(|counts| **counts).count();
-        (rows > self.rows_in(LEAST_S)).then(|| self.with_data(Arc::new(data)).not_telling(UNTOLD))
+        (rows > self.rows_in(LEAST_S))
+            .then(|| self.with_data(Arc::new(data)).holding_force(false).not_telling(UNTOLD))
     }
 }
 

@@ -153,11 +153,12 @@ pub fn name<'m>(
         };
         let judged = (judged.0, judged.1 - judged.0.cost());
         let peaks = Peaks::new(search, &at.model);
-        let here_once = linear(searched, &at.model);
+        let free = linear(&searched.holding_force(false), &at.model);
         // What the base may not go further with makes up for no more.
         let held: Vec<usize> = at.model.at_reach().collect();
-        let listed = shortlist(searched, &here_once.holding(&held), &|parameter| peaks.of(parameter));
+        let listed = shortlist(searched, &free.holding(&held), &|parameter| peaks.of(parameter));
         progress("fitting what may be missing");
+        let here_once = free.holding(&at.model.constant_force().into_iter().collect::<Vec<_>>());
         let promising = screened(searched, &here_once, &listed.scored);
         // All passes tell more than the first of each command.
         let more = (rows[0] as f64 / searched.count(Part::Fit).max(1) as f64).sqrt();

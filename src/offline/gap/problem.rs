@@ -104,6 +104,8 @@ pub struct Problem<'m> {
     pub noises: [Option<Noise>; SIGNALS.len()],
     /// Base parameters that the rows say nothing of.
     untold: &'static [&'static str],
+    /// Whether the force that is always there stays as it is.
+    holds_force: bool,
 }
 
 /// What a model leaves of a run, whitened: signal by signal, row by row; zero where a row does not count.
@@ -119,7 +121,7 @@ impl<'m> Problem<'m> {
         noises: [Option<Noise>; SIGNALS.len()],
     ) -> Self {
         let axis = without_counts(&machine.axes[id]);
-        Self { machine, id, axis, gain_set, data: Arc::new(data), noises, untold: &[] }
+        Self { machine, id, axis, gain_set, data: Arc::new(data), noises, untold: &[], holds_force: false }
     }
 
     /// The same with each command once: a second pass tells the same again, and takes as long to simulate. No rows of
@@ -189,14 +191,23 @@ impl<'m> Problem<'m> {
         Self { untold, ..self }
     }
 
+    /// The same where the force that is always there is known, and stays as it is, or where it is asked of the rows too.
+    #[must_use]
+    pub(super) fn holding_force(&self, holds_force: bool) -> Self {
+        Self { holds_force, ..self.with_data(self.data.clone()) }
+    }
+
     /// Whether its table is seen.
     pub(super) const fn has_table(&self) -> bool {
         self.noises[1].is_some()
     }
 
-    /// Whether the rows say something of a coordinate.
-    pub(super) fn tells(&self, coordinate: usize) -> bool {
-        BASE.get(coordinate).is_none_or(|base| !self.untold.contains(&base.name))
+    /// Whether the rows say something of a coordinate of a model.
+    pub(super) fn tells(&self, model: &Model, coordinate: usize) -> bool {
+        match BASE.get(coordinate) {
+            Some(base) => !self.untold.contains(&base.name),
+            None => !self.holds_force || model.constant_force() != Some(coordinate),
+        }
     }
 
     /// Rows of a run that count: those after the start in which the machine does not rest, that are sound, as are those the

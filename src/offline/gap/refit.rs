@@ -50,6 +50,11 @@ fn from_both(problem: &Problem<'_>, once: &Problem<'_>, model: &Model, start: &M
     deepest([here, there].map(|end| (total_of(problem, &end), end))).1
 }
 
+/// The same problem where rows in motion tell what they tell best, if there are any.
+fn beside_motion<'m>(problem: &Problem<'m>, model: &Model) -> Problem<'m> {
+    problem.holding_force(problem.in_motion(model).is_some())
+}
+
 /// Where the rows in motion lead from some models: the deepest of it.
 fn led_by_motion(once: &Problem<'_>, begun: &[Model]) -> Model {
     let Some(moving) = once.in_motion(&begun[0]) else { return begun[0].clone() };
@@ -124,6 +129,7 @@ pub(super) fn base_refitted(
 
 /// The base fitted coarsely, the problem in which rows count by how straight it is about them, and where rows in motion led.
 pub(super) fn coarsely<'m>(problem: &Problem<'m>, start: &Model) -> (Problem<'m>, Fitted, Model) {
+    let problem = &beside_motion(problem, start);
     let once = problem.first_passes();
     let mut begun = vec![start.clone()];
     if !problem.has_table() {
@@ -156,6 +162,7 @@ pub(super) fn another_way<'m>(
     led: &Model,
     base: &Model,
 ) -> Option<(Problem<'m>, Fitted)> {
+    let problem = &beside_motion(problem, led);
     let other = by_way(&problem.first_passes(), led, 1);
     let [other_total, total] = [&other, base].map(|model| total_of(problem, model));
     (other_total < FAR * total).then(|| about(problem, &other))

@@ -15,7 +15,7 @@ use nalgebra::DMatrix;
 use super::blocks::Blocks;
 use super::fit::{Effort, Fitted, believed, fit};
 use super::gates::{Candidate, Gate, is_sure, judged};
-use super::linear::{Loss, residuals};
+use super::linear::{BLOCK_S, Linear, Loss, Steps, residuals};
 use super::model::{Model, Tried};
 use super::name::{NamedEffect, weighed};
 use super::near::margin;
@@ -73,17 +73,19 @@ pub(super) fn told(
     rows: [usize; 2],
 ) -> Told {
     let (usual, all) = (start.effects.len(), model.model.effects.len());
-    let mut model = of_the_spring(model.clone());
+    // All rows say how sure a force is.
+    let free = problem.holding_force(false);
+    let mut model = of_the_spring(surely(&free, model, usual));
     let (mut named, mut places, mut refused) = (Vec::new(), Vec::new(), Vec::new());
     for place in 0..usual {
         let last = (0..all).filter(|other| *other != place).chain([place]);
         let as_last = model.in_order(&last.collect::<Vec<_>>());
-        if !is_sure(problem, &as_last) || !is_noticeable(problem, &model.model, place) {
+        if !is_noticeable(problem, &model.model, place) || !is_sure(&free, &as_last) {
             continue;
         }
         let test = Without::of(problem, once, &model, place, [start, &alone.without(place)]);
         let explained = alone_held - test.blocks.cost();
-        let gated = |fitted| judged(problem, &test.fitted, (&test.blocks, explained), fitted, rows);
+        let gated = |fitted| judged(&free, &test.fitted, (&test.blocks, explained), fitted, rows);
         let mut own = gated(as_last);
         let is_needed = || {
             test.shows_need(&model, blocks, place, rows)
@@ -111,6 +113,19 @@ pub(super) fn told(
     let silent = (0..usual).filter(|place| !places.contains(place));
     let order: Vec<usize> = (usual..all).chain(places.iter().copied()).chain(silent).collect();
     Told { named, places, refused, model: model.in_order(&order) }
+}
+
+/// The same model with how sure all its coordinates are, where any of these effects is worth it.
+fn surely(free: &Problem<'_>, fitted: &Fitted, usual: usize) -> Fitted {
+    let model = &fitted.model;
+    if !(0..usual).any(|place| is_noticeable(free, model, place)) {
+        return fitted.clone();
+    }
+    let left = (Part::Fit, residuals(free, model, Part::Fit));
+    let linear = Linear::new(free, model, left, None, &Steps::of(model, &fitted.covariance));
+    let equations = linear.normal(free.rows_in(BLOCK_S), Loss::LAST).with_beliefs(model);
+    let covariance = equations.covariance().unwrap_or_else(|| fitted.covariance.clone());
+    Fitted { covariance, ..fitted.clone() }
 }
 
 /// Whether one of these effects is so much of the friction that two laws of it do not differ by as much.
