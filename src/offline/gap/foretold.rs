@@ -199,10 +199,14 @@ fn sure_sum(gains: &[f64]) -> Option<f64> {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg64Mcg;
 
+    use super::super::linear::LinearRun;
     use super::*;
+    use crate::plant::tests::paper_axis;
 
     const BLOCK: usize = 200;
 
@@ -233,6 +237,27 @@ mod tests {
         // Twelve thousand rows of a fifth of a standard deviation: 480 of a sum of squares.
         let gain = found(0.2, true).expect("a shape");
         assert!((300.0..600.0).contains(&gain), "{gain}");
+    }
+
+    #[test]
+    fn what_a_coordinate_makes_up_for_in_one_signal_is_taken_off_whatever_another_wants() {
+        let model = Model::new(paper_axis());
+        let column: Residual = vec![vec![1.0; 1_000]; 2];
+        // The first signal wants it up and the second down.
+        let run = |size: f64| LinearRun {
+            residual: vec![vec![size; 1_000], vec![-size; 1_000]],
+            columns: (0..model.coordinate_count())
+                .map(|coordinate| (coordinate == 0).then(|| Arc::new(column.clone())))
+                .collect(),
+        };
+        let linear = |size: f64| Linear { model: model.clone(), runs: vec![run(size)] };
+        let (fit, held) = (linear(0.2), linear(0.2));
+        for signal in 0..2 {
+            let [of_fit, of_held] = made_up_for([&fit, &held], signal).expect("it is regular");
+            for left in [&of_fit[0][0], &of_held[0][0]] {
+                assert!(left.iter().all(|left| left.abs() < 1e-3), "{signal}: {}", left[0]);
+            }
+        }
     }
 
     #[test]

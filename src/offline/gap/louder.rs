@@ -10,7 +10,17 @@ use super::problem::{Part, Problem};
 use super::refit::{ITERATIONS, ended};
 
 /// Where the knee of the loss would have to be so many times as far, the search takes noise for louder than it is.
-pub(super) const LOUDER: f64 = 2.0;
+const LOUDER: f64 = 2.0;
+
+/// How many times too loud what a model leaves is for the knee of the loss.
+fn beyond(problem: &Problem<'_>, model: &Model) -> f64 {
+    knee(&residuals(problem, model, Part::Fit)) / K
+}
+
+/// Whether a model leaves so much that the bounded loss does not tell which way is down.
+pub(super) fn is_much_left(problem: &Problem<'_>, model: &Model) -> bool {
+    beyond(problem, model) >= LOUDER
+}
 
 /// A search in which noise counts as louder than it is.
 pub(super) struct Louder<'m> {
@@ -30,7 +40,7 @@ impl<'m> Louder<'m> {
         model: &Model,
         [start, alone]: [&Model; 2],
     ) -> Option<Self> {
-        let by = knee(&residuals(problem, model, Part::Fit)) / K;
+        let by = beyond(problem, model);
         if by < LOUDER {
             return None;
         }

@@ -19,7 +19,7 @@ use super::gates::{self, Candidate, Gate, PLAIN, tried};
 use super::linear::{Linear, Steps, residuals};
 use super::louder::Louder;
 use super::model::Model;
-use super::near::{Near, ROUGHLY, is_alias, margin};
+use super::near::{Near, ROUGHLY, is_alias, margin, weighed};
 use super::problem::{Part, Problem};
 use super::refit::{
     ITERATIONS, REACH, another_way, base_refitted, coarsely, coarsely_from, ended, is_far, refitted, scale,
@@ -41,6 +41,7 @@ const FEW: usize = 2;
 const EFFECTS_MAX: usize = 4;
 /// How often the search goes on from a deeper place of the base to which an effect led that is not needed.
 const VALLEYS: usize = 2;
+
 /// What an axis lacks.
 #[derive(Debug)]
 pub struct Named {
@@ -158,8 +159,8 @@ pub fn name<'m>(
         let held: Vec<usize> = at.model.at_reach().collect();
         let listed = shortlist(searched, &free.holding(&held), &|parameter| peaks.of(parameter));
         progress("fitting what may be missing");
-        let here_once = free.holding(&at.model.constant_force().into_iter().collect::<Vec<_>>());
-        let promising = screened(searched, &here_once, &listed.scored);
+        let force: Vec<usize> = at.model.constant_force().into_iter().collect();
+        let promising = screened(searched, &free.holding(&force), &listed.scored);
         // All passes tell more than the first of each command.
         let more = (rows[0] as f64 / searched.count(Part::Fit).max(1) as f64).sqrt();
         let by_all =
@@ -338,15 +339,6 @@ fn tested(
     let test = Without::of(&louder.problem, &louder.once, &louder.fitted, last, bases);
     let is_needed = test.shows_need(&louder.fitted, &louder.blocks, last, rows);
     (test.in_terms_of(problem), is_needed)
-}
-
-/// A class with how probable each member is. Tempered: what is near a tie is to be told as one.
-pub(super) fn weighed(class: Vec<Candidate>, margin: f64) -> Vec<(Candidate, f64)> {
-    let best = class[0].evidence;
-    let weights: Vec<f64> =
-        class.iter().map(|one| (0.5 * (one.evidence - best).min(0.0) / margin).exp()).collect();
-    let all: f64 = weights.iter().sum();
-    class.into_iter().zip(weights.iter().map(|weight| weight / all)).collect()
 }
 
 /// A model where nothing of it is known well yet.

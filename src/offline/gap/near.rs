@@ -28,6 +28,15 @@ pub(super) fn is_alias(name: &str, other: &str) -> bool {
     })
 }
 
+/// A class with how probable each member is. Tempered: what is near a tie is to be told as one.
+pub(super) fn weighed(class: Vec<Candidate>, margin: f64) -> Vec<(Candidate, f64)> {
+    let best = class[0].evidence;
+    let weights: Vec<f64> =
+        class.iter().map(|one| (0.5 * (one.evidence - best).min(0.0) / margin).exp()).collect();
+    let all: f64 = weights.iter().sum();
+    class.into_iter().zip(weights.iter().map(|weight| weight / all)).collect()
+}
+
 /// Candidates that explain nearly as much as the best, at their bottoms.
 pub(super) struct Near {
     /// The best first.
@@ -73,5 +82,46 @@ impl Near {
             failed: Vec::new(),
         });
         Self { class: ends.into_iter().map(|(candidate, _)| candidate).collect(), model, told_apart }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::DMatrix;
+
+    use super::*;
+    use crate::offline::gap::model::{Model, Tried};
+    use crate::plant::effects::entry;
+    use crate::plant::tests::paper_axis;
+
+    /// A candidate that explains all of it but so much, with an effect.
+    fn candidate(name: &str, left: f64) -> Candidate {
+        let tried = Tried { entry: entry(name).expect("an effect"), values: [1.0, 40.0, 0.0] };
+        let model = Model::new(paper_axis()).with(tried);
+        let fitted = Fitted { model, cost: left, total: left, covariance: DMatrix::identity(1, 1) };
+        Candidate { fitted, held: 0.0, evidence: 90_000.0 - left, failed: Vec::new() }
+    }
+
+    #[test]
+    fn more_numbers_that_say_no_more_are_no_other_explanation() {
+        const ROWS: usize = 10_000;
+        let without = Fitted { total: 100_000.0, ..candidate("scale-error", 100_000.0).fitted };
+        let class = |all: &[(&str, f64)]| -> Vec<&str> {
+            let near = all.iter().map(|(name, left)| candidate(name, *left)).collect();
+            let ends = |candidate: &Candidate| candidate.fitted.clone();
+            Near::of((near, 0.0), &ends, &without, ROWS).class.iter().map(Candidate::name).collect()
+        };
+        // A swing of many times the travel is a slope, by three numbers.
+        for (left, names) in [
+            (10_000.0, vec!["scale-error"]),
+            (10_040.0, vec!["scale-error"]),
+            // Surely better, by what two numbers are worth.
+            (9_900.0, vec!["pitch-error", "scale-error"]),
+        ] {
+            assert_eq!(class(&[("scale-error", 10_000.0), ("pitch-error", left)]), names, "{left}");
+        }
+        // What no data tell apart stays together, whatever it takes to say it.
+        let twins = class(&[("encoder-eccentricity", 10_000.0), ("pitch-error", 10_000.0)]);
+        assert_eq!(twins, ["encoder-eccentricity", "pitch-error"]);
     }
 }

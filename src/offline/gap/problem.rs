@@ -360,3 +360,24 @@ impl<'m> Problem<'m> {
         ((time_s / self.machine.cycle.period.as_s()) as usize).max(1)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config;
+    use crate::offline::gap::usual;
+
+    #[test]
+    fn a_force_that_is_known_is_asked_of_no_row_and_all_else_is() {
+        let machine = config::load("paper").expect("a machine");
+        let problem = Problem::new(&machine, AxisId::X, 0, Vec::new(), [None, None, None]);
+        let model = usual::with(&Model::new(machine.axes[AxisId::X].plant));
+        let force = model.constant_force().expect("it has one");
+        let told = |holds: bool| -> Vec<usize> {
+            let problem = problem.holding_force(holds);
+            (0..model.coordinate_count()).filter(|coordinate| !problem.tells(&model, *coordinate)).collect()
+        };
+        assert_eq!(told(true), [force]);
+        assert!(told(false).is_empty());
+    }
+}

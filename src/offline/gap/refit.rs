@@ -4,10 +4,9 @@
 
 use rayon::prelude::*;
 
-use super::fit::{Effort, Fitted, LEAST_PER_ROW, fit, knee, total_of};
+use super::fit::{Effort, Fitted, LEAST_PER_ROW, fit, total_of};
 use super::gates::PLAIN;
-use super::linear::{K, residuals};
-use super::louder::LOUDER;
+use super::louder::is_much_left;
 use super::model::{BASE, Model};
 use super::problem::{Part, Problem};
 
@@ -139,7 +138,7 @@ pub(super) fn coarsely<'m>(problem: &Problem<'m>, start: &Model) -> (Problem<'m>
     let (near, first) = about(problem, &nearer(&once, &led, 0));
     // Where little is left another way leads nowhere else, and where much is, something is missing that no way makes up for.
     let is_little = first.cost <= PLAIN * near.count(Part::Fit) as f64;
-    if is_little || knee(&residuals(&near, &first.model, Part::Fit)) >= LOUDER * K {
+    if is_little || is_much_left(&near, &first.model) {
         return (near, first, led);
     }
     let other = by_way(&once, &led, 1);
