@@ -320,9 +320,9 @@ impl Printed {
 }
 
 impl Axis {
-    /// The signal of a run of which most is left.
+    /// The signal of a run of which most is left, where that is more than noise.
     fn most_left(&self) -> Option<&RunLeft> {
-        self.runs.iter().max_by(|a, b| a.after.total_cmp(&b.after))
+        self.runs.iter().filter(|run| run.after > 1.0).max_by(|a, b| a.after.total_cmp(&b.after))
     }
 
     /// What else would have been seen.
