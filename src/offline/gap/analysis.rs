@@ -7,6 +7,7 @@ use std::time::Instant;
 
 use thiserror::Error;
 
+use super::bursts::bursts;
 use super::consequence::{Consequence, consequence};
 use super::contour::{Contour, contours};
 use super::controller::{Match, OTHER, by_the_current, explained, left_of};
@@ -22,7 +23,7 @@ use super::problem::{AxisData, Problem, SIGNALS};
 use super::repeats::{Repeat, first_pass, repeats};
 use super::rest::Rest;
 use super::runs::{AxisRun, Run};
-use super::verdict::{SignalGap, Verdict, explains_too_little, gaps, verdict};
+use super::verdict::{SignalGap, Verdict, explains_too_little, gaps, shape, verdict};
 use crate::base::axis::AxisId;
 use crate::config::Machine;
 use crate::rt::drive::velocity::VelocityEstimate;
@@ -176,12 +177,12 @@ fn axis<'m>(
         problem = problem.with_clocks(behind_s);
     }
     let mut gap = gaps(&problem, &weighed, &start, &named);
-    let shape = Rest::with_a_shape(&problem, &named);
+    let shape = shape(&problem, &named);
     if !named.effects.is_empty() && (shape.is_some() || explains_too_little(&problem, &weighed, &named)) {
         named.withdraw();
         gap.iter_mut().for_each(|signal| signal.after = signal.before);
     }
-    let rest = shape.or_else(|| Rest::of_bursts(&problem, &named.model.model));
+    let rest = shape.or_else(|| bursts(&problem, &named.model.model));
     let verdict = verdict(&named, &gap, rest.is_some());
     let both = locate::both(&problem, &named.base.model, &named.model.model);
     let (located, runs_left) = (locate::located(&problem, &both), locate::runs_left(&problem, &both));

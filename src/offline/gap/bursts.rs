@@ -11,8 +11,8 @@
 use rayon::prelude::*;
 
 use super::model::Model;
-use super::moving::{FASTER, moves};
 use super::problem::{Problem, SIGNALS};
+use super::rest::{Rest, Shows};
 
 /// A push is shorter than a second, and longer than a few rows. s.
 const BLOCK_S: f64 = 0.1;
@@ -25,8 +25,8 @@ const RUNS: (f64, usize) = (0.5, 3);
 /// Fewer blocks of a run tell nothing.
 const LEAST_BLOCKS: usize = 10;
 
-/// The first signal in which most runs are pushed, how many of them are, and of how many.
-pub(super) fn bursts(problem: &Problem<'_>, model: &Model) -> Option<(usize, [usize; 2])> {
+/// The first signal in which most runs are pushed.
+pub(super) fn bursts(problem: &Problem<'_>, model: &Model) -> Option<Rest> {
     let places = (0..problem.data.len()).into_par_iter();
     let pushed: Vec<[Option<bool>; SIGNALS.len()]> =
         places.map(|place| pushed(problem, model, place)).collect();
@@ -34,17 +34,16 @@ pub(super) fn bursts(problem: &Problem<'_>, model: &Model) -> Option<(usize, [us
         let told: Vec<bool> = pushed.iter().filter_map(|run| run[signal]).collect();
         let count = told.iter().filter(|pushed| **pushed).count();
         let is_of_machine = count >= RUNS.1 && count as f64 >= RUNS.0 * told.len() as f64;
-        is_of_machine.then_some((signal, [count, told.len()]))
+        is_of_machine.then_some(Rest { signal, shows: Shows::Bursts([count, told.len()]) })
     })
 }
 
 /// Whether something pushes in a run, by signal; nothing where it does not tell.
 fn pushed(problem: &Problem<'_>, model: &Model, place: usize) -> [Option<bool>; SIGNALS.len()] {
     let (data, simulated) = (&problem.data[place], problem.simulated(place, model));
-    let least = model.twin().plant.friction.fall_end * FASTER;
-    let velocities = data.course.setpoints().map(|setpoint| setpoint.velocity);
     let part = data.main_part();
-    let steady: Vec<bool> = moves(velocities, least, problem.rows_in(SINCE_S))
+    let steady: Vec<bool> = problem
+        .has_moved(data, model, SINCE_S)
         .zip(data.rows(part))
         .map(|(moves, counts)| moves && *counts)
         .collect();

@@ -16,6 +16,7 @@ use super::linear::{Linear, Loss, Steps, residuals};
 use super::locate::{Coordinates, coordinates, place_of};
 use super::model::Model;
 use super::problem::{Part, Problem, Residual, SIGNALS};
+use super::rest::{Rest, Shows};
 use super::tones::tones;
 use crate::plant::effects::Coordinate;
 
@@ -42,22 +43,13 @@ const FAR: f64 = 4.0;
 const SURE: f64 = 4.0;
 const LEAST: f64 = 200.0;
 
-/// Over what something that is left comes again.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Again {
-    Over(Coordinate),
-    /// As a tone of this frequency, Hz.
-    Tone(f64),
-}
-
 /// What a model leaves that is foretold.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Foretold {
     /// How much, as a sum of squares.
     pub(super) gain: f64,
-    /// Place of the signal in [`SIGNALS`].
-    pub(super) signal: usize,
-    pub(super) again: Again,
+    /// Where and over what.
+    pub(super) rest: Rest,
 }
 
 /// The largest sure shape or tone of what a model leaves and its coordinates do not make up for; nothing where none is sure.
@@ -101,14 +93,14 @@ fn largest(problem: &Problem<'_>, left: &[Vec<&Residual>; 2]) -> Option<Foretold
     let length = problem.rows_in(BLOCK_S);
     let shape = |(place, signal, over): &(usize, usize, Coordinate)| {
         let gain = sure_sum(&gains(&binned(&runs, *place, *over), length))?;
-        Some(Foretold { gain, signal: *signal, again: Again::Over(*over) })
+        Some(Foretold { gain, rest: Rest { signal: *signal, shows: Shows::Over(*over) } })
     };
     let of_tones = places().flat_map(|(place, signal)| {
         let left: Vec<&[f64]> = runs.iter().filter_map(|run| Some(run.left.get(place)?.as_slice())).collect();
         tones(&left, length, problem.machine.cycle.position_every).into_iter().filter_map(
             move |(line, gains)| {
-                let again = Again::Tone(line as f64 / BLOCK_S);
-                Some(Foretold { gain: sure_sum(&gains)?, signal, again })
+                let shows = Shows::Tone(line as f64 / BLOCK_S);
+                Some(Foretold { gain: sure_sum(&gains)?, rest: Rest { signal, shows } })
             },
         )
     });

@@ -8,7 +8,8 @@
 //! tell mass, friction, stiffness and the loops by themselves, and their cost has one valley. So they do by how much an axis breaks away,
 //! for it rings as it sets out: taken from a file that is half off, mass and stiffness make up for it, and the sticking
 //! rows lead nowhere from there. And they alone tell the force that is always there: a table that sticks hangs where it came to rest,
-//! and what one run of small reversals seems to say of that force outvotes what all others know of it. What they say nothing of, over which velocities friction falls, stays as it is.
+//! and what one run of small reversals seems to say of that force outvotes what all others know of it. What they say nothing of,
+//! over which velocities friction falls, stays as it is.
 //! Invariant: the same setpoints give the same rows, whatever was measured.
 
 use std::sync::Arc;
@@ -18,7 +19,7 @@ use super::problem::{AxisData, Part, Problem};
 use crate::base::units::Velocity;
 
 /// How many times faster than the end of the fall of friction, and for how long already, s.
-pub(super) const FASTER: f64 = 4.0;
+const FASTER: f64 = 4.0;
 const SINCE_S: f64 = 0.05;
 /// Fewer rows tell no base, s.
 const LEAST_S: f64 = 2.0;
@@ -29,13 +30,8 @@ impl Problem<'_> {
     /// The same with the rows alone in which the axis moves; nothing where these are too few.
     #[must_use]
     pub fn in_motion(&self, model: &Model) -> Option<Self> {
-        let least = model.twin().plant.friction.fall_end * FASTER;
         let of = |data: &AxisData| {
-            let moves = moves(
-                data.course.setpoints().map(|setpoint| setpoint.velocity),
-                least,
-                self.rows_in(SINCE_S),
-            );
+            let moves = self.has_moved(data, model, SINCE_S);
             let fit = data.fit.iter().zip(moves).map(|(counts, moves)| *counts && moves).collect();
             AxisData { fit, ..data.clone() }
         };
@@ -44,10 +40,21 @@ impl Problem<'_> {
         (rows > self.rows_in(LEAST_S))
             .then(|| self.with_data(Arc::new(data)).holding_force(false).not_telling(UNTOLD))
     }
+
+    /// In which rows of a run the axis has been moving for so long already, s.
+    pub(super) fn has_moved(
+        &self,
+        data: &AxisData,
+        model: &Model,
+        since_s: f64,
+    ) -> impl Iterator<Item = bool> {
+        let least = model.twin().plant.friction.fall_end * FASTER;
+        moves(data.course.setpoints().map(|setpoint| setpoint.velocity), least, self.rows_in(since_s))
+    }
 }
 
 /// In which rows an axis has been faster for so many rows already.
-pub(super) fn moves(
+fn moves(
     velocities: impl Iterator<Item = Velocity>,
     least: Velocity,
     rows: usize,

@@ -58,8 +58,8 @@ impl Near {
     ) -> Self {
         let ends: Vec<Fitted> = near.par_iter().map(to_the_bottom).collect();
         let mut ends: Vec<(Candidate, Fitted)> = near.into_iter().zip(ends).collect();
-        ends.sort_by(|a, b| a.1.total.total_cmp(&b.1.total));
-        let scale = scale(ends[0].1.cost, rows);
+        let deepest = ends.iter().min_by(|a, b| a.1.total.total_cmp(&b.1.total)).expect("an end");
+        let scale = scale(deepest.1.cost, rows);
         let numbers = |end: &Fitted| end.model.coordinate_count();
         let price = |end: &Fitted| end.total / scale + numbers(end) as f64 * (rows.max(1) as f64).ln();
         ends.sort_by(|a, b| price(&a.1).total_cmp(&price(&b.1)));

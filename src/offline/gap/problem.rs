@@ -199,7 +199,7 @@ impl<'m> Problem<'m> {
 
     /// Whether its table is seen.
     pub(super) const fn has_table(&self) -> bool {
-        self.noises[1].is_some()
+        self.noises[DEFLECTION].is_some()
     }
 
     /// Whether the rows say something of a coordinate of a model.

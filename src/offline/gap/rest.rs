@@ -4,15 +4,8 @@
 
 use std::fmt;
 
-use super::bursts::bursts;
-use super::foretold::{Again, foretold};
-use super::model::Model;
-use super::name::Named;
-use super::problem::{Problem, shown};
+use super::problem::shown;
 use crate::plant::effects::Coordinate;
-
-/// Share of what names explain that may be left in a shape: their equations may be off by as much.
-const LEFT_SHARE: f64 = 0.05;
 
 /// Something that is left.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -32,26 +25,6 @@ pub enum Shows {
     Tone(f64),
     /// It pushes an axis that slides along, at moments of its own: in so many runs of so many.
     Bursts([usize; 2]),
-}
-
-impl Rest {
-    /// What comes again in all that a model leaves, where that is much beside what its names explain.
-    pub(super) fn with_a_shape(problem: &Problem<'_>, named: &Named) -> Option<Self> {
-        let [base, model] = named.held();
-        let explained = (named.base.cost - named.model.cost) + (base - model);
-        let left = foretold(problem, &named.model.model).filter(|left| left.gain > LEFT_SHARE * explained)?;
-        let shows = match left.again {
-            Again::Over(coordinate) => Shows::Over(coordinate),
-            Again::Tone(frequency_hz) => Shows::Tone(frequency_hz),
-        };
-        Some(Self { signal: left.signal, shows })
-    }
-
-    /// What comes and goes by itself.
-    pub(super) fn of_bursts(problem: &Problem<'_>, model: &Model) -> Option<Self> {
-        let (signal, runs) = bursts(problem, model)?;
-        Some(Self { signal, shows: Shows::Bursts(runs) })
-    }
 }
 
 impl fmt::Display for Rest {

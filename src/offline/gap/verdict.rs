@@ -8,18 +8,22 @@ use std::fmt;
 use serde::Serialize;
 
 use super::fit::Fitted;
+use super::foretold::foretold;
 use super::forward::Signals;
 use super::gates::Candidate;
 use super::linear::BLOCK_S;
 use super::model::{BASE, Model};
 use super::name::Named;
 use super::problem::{Part, Problem, SIGNALS, shown};
+use super::rest::Rest;
 
 /// A gap that moves an axis by less is none that anybody would look for, um.
 pub const PRACTICAL_UM: f64 = 0.1;
 /// Where what is left without a name has the power of noise, names must close this share of it.
 const PLAIN: f64 = 1.0;
 const CLOSED: f64 = 0.75;
+/// Share of what names explain that may be left in a shape: their equations may be off by as much.
+const LEFT_SHARE: f64 = 0.05;
 /// Share of the time in which what is left says nothing of what is named.
 const LEANED: f64 = 0.05;
 /// Most effects of a class that still says something.
@@ -115,6 +119,14 @@ pub(super) fn gaps(
 /// An rms also counts what is slow, which passes do not repeat.
 fn costs_more_than_noise(named: &Named) -> bool {
     named.blocks[1].costs_more_than_noise()
+}
+
+/// What comes again in all that a model leaves, where that is much beside what its names explain.
+pub(super) fn shape(problem: &Problem<'_>, named: &Named) -> Option<Rest> {
+    let [base, model] = named.held();
+    let explained = (named.base.cost - named.model.cost) + (base - model);
+    let left = foretold(problem, &named.model.model).filter(|left| left.gain > LEFT_SHARE * explained)?;
+    Some(left.rest)
 }
 
 /// Whether what was named leaves much of what there is: then it is something else that looks like it from afar.
