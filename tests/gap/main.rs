@@ -4,6 +4,7 @@
 
 mod loops;
 mod usual;
+mod zeros;
 
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;

@@ -24,6 +24,7 @@ use super::repeats::{Repeat, first_pass, repeats};
 use super::rest::Rest;
 use super::runs::{AxisRun, Run};
 use super::verdict::{SignalGap, Verdict, explains_too_little, gaps, shape, verdict};
+use super::zeros::Zeros;
 use crate::base::axis::AxisId;
 use crate::config::Machine;
 use crate::rt::drive::velocity::VelocityEstimate;
@@ -94,6 +95,16 @@ pub struct AxisGap<'m> {
     pub gap: Vec<SignalGap>,
     /// What follows from each effect that was named, in their order.
     pub consequences: Vec<Option<Consequence>>,
+}
+
+impl Problem<'_> {
+    /// The same with clocks set as it was found.
+    fn as_clocked(&self, named: &Named) -> Self {
+        match &named.clocks_behind_s {
+            Some(behind_s) => self.with_clocks(behind_s),
+            None => self.with_data(self.data.clone()),
+        }
+    }
 }
 
 impl AxisGap<'_> {
@@ -172,10 +183,13 @@ fn axis<'m>(
         problem = problem.seeing(found.velocity_estimate);
     }
     let start = Model::new(machine.axes[id].plant);
-    let (mut named, weighed) = name::name(&problem, &start, &say);
-    if let Some(behind_s) = &named.clocks_behind_s {
-        problem = problem.with_clocks(behind_s);
+    let (mut named, mut weighed) = name::name(&problem, &start, &say);
+    if problem.as_clocked(&named).zeros_are_apart(&start, &named.model.model) {
+        say("runs with a zero of the table scale each");
+        problem = problem.with_zeros(Zeros::OfEachRun);
+        (named, weighed) = name::name(&problem, &start, &say);
     }
+    problem = problem.as_clocked(&named);
     let mut gap = gaps(&problem, &weighed, &start, &named);
     let shape = shape(&problem, &named);
     if !named.effects.is_empty() && (shape.is_some() || explains_too_little(&problem, &weighed, &named)) {

@@ -17,7 +17,7 @@ use std::sync::Arc;
 use nalgebra::{DMatrix, DVector, DVectorView};
 use rayon::prelude::*;
 
-use super::model::Model;
+use super::model::{BASE, Model};
 use super::problem::{Part, Problem, Residual};
 
 /// Rows beyond this count by less than their square, in standard deviations.
@@ -227,6 +227,9 @@ fn column(
 ) -> Option<Residual> {
     if !model.is_free(coordinate) || !problem.tells(model, coordinate) {
         return None;
+    }
+    if let Some(base) = BASE.get(coordinate).filter(|base| base.is_zero) {
+        return Some(problem.shifted(place, base.prior, part));
     }
     // Away from a bound where one is near.
     [step, -step].into_iter().find_map(|by| {

@@ -60,3 +60,4 @@ mod usual;
 pub mod verdict;
 mod without;
 pub mod write_back;
+pub mod zeros;

@@ -4,7 +4,7 @@
 //! A base parameter is fitted as the logarithm of its ratio to what the machine file says, in steps of its prior; an
 //! effect's value in steps of its own. So every coordinate is 0 where nothing is known, and 1 is as far as a
 //! machine usually is from its file. What a current sensor shows too much is fitted beside them, so that it is
-//! taken for no effect.
+//! taken for no effect, and so is where the zero of a table scale is: that one is no ratio but a way.
 //! Invariant: coordinates make a plant that `config` would accept.
 
 use crate::base::units::{Force, Velocity};
@@ -18,6 +18,15 @@ pub struct Twin {
     pub plant: Parameters,
     /// Current that is shown per current that flows.
     pub current_gain: f64,
+    /// What a table scale makes of no deflection, m.
+    pub table_zero_m: f64,
+}
+
+impl Twin {
+    /// A plant whose sensors show what there is.
+    const fn new(plant: Parameters) -> Self {
+        Self { plant, current_gain: 1.0, table_zero_m: 0.0 }
+    }
 }
 
 /// A parameter of the base model.
@@ -27,8 +36,10 @@ pub struct Base {
     pub name: &'static str,
     /// Its unit.
     pub unit: &'static str,
-    /// Standard deviation of the logarithm of how far machine files are off.
+    /// Standard deviation of the logarithm of how far machine files are off; of the value itself where no file has it.
     pub prior: f64,
+    /// Whether it is added to what there is: a zero, which is of a recording and of no machine.
+    pub is_zero: bool,
     /// How far a machine is from its file at most, in priors: further off it is another machine, or it is an effect.
     reach: [f64; 2],
     get: fn(&Twin) -> f64,
@@ -44,11 +55,12 @@ impl Base {
 }
 
 /// The base parameters, in the order of the coordinates.
-pub const BASE: [Base; 11] = [
+pub const BASE: [Base; 12] = [
     Base {
         name: "mass",
         unit: "kg",
         prior: 0.25,
+        is_zero: false,
         reach: [-6.0, 6.0],
         get: |twin| twin.plant.mechanics.mass_kg,
         set: |twin, value| twin.plant.mechanics.mass_kg = value,
@@ -57,6 +69,7 @@ pub const BASE: [Base; 11] = [
         name: "motor_inertia",
         unit: "kg m2",
         prior: 0.25,
+        is_zero: false,
         reach: [-6.0, 6.0],
         get: |twin| twin.plant.mechanics.inertia_kg_m2,
         set: |twin, value| twin.plant.mechanics.inertia_kg_m2 = value,
@@ -65,6 +78,7 @@ pub const BASE: [Base; 11] = [
         name: "stiffness",
         unit: "N/m",
         prior: 0.25,
+        is_zero: false,
         reach: [-6.0, 6.0],
         get: |twin| twin.plant.mechanics.stiffness_n_per_m,
         set: |twin, value| twin.plant.mechanics.stiffness_n_per_m = value,
@@ -73,6 +87,7 @@ pub const BASE: [Base; 11] = [
         name: "damping",
         unit: "N s/m",
         prior: 0.5,
+        is_zero: false,
         reach: [-6.0, 6.0],
         get: |twin| twin.plant.mechanics.damping_n_s_per_m,
         set: |twin, value| twin.plant.mechanics.damping_n_s_per_m = value,
@@ -81,6 +96,7 @@ pub const BASE: [Base; 11] = [
         name: "sliding",
         unit: "N",
         prior: 0.25,
+        is_zero: false,
         reach: [-6.0, 6.0],
         get: |twin| twin.plant.friction.sliding.as_n(),
         set: |twin, value| {
@@ -93,6 +109,7 @@ pub const BASE: [Base; 11] = [
         name: "breakaway_excess",
         unit: "N",
         prior: 0.5,
+        is_zero: false,
         reach: [-6.0, 6.0],
         get: |twin| (twin.plant.friction.breakaway - twin.plant.friction.sliding).as_n(),
         set: |twin, value| {
@@ -103,6 +120,7 @@ pub const BASE: [Base; 11] = [
         name: "fall_end",
         unit: "mm/s",
         prior: 0.5,
+        is_zero: false,
         reach: [-6.0, 6.0],
         get: |twin| twin.plant.friction.fall_end.as_mm_per_s(),
         set: |twin, value| {
@@ -116,6 +134,7 @@ pub const BASE: [Base; 11] = [
         name: "fall_start",
         unit: "mm/s",
         prior: 0.5,
+        is_zero: false,
         reach: [-6.0, 6.0],
         get: |twin| twin.plant.friction.fall_start.as_mm_per_s(),
         set: |twin, value| {
@@ -127,6 +146,7 @@ pub const BASE: [Base; 11] = [
         name: "viscous",
         unit: "N s/m",
         prior: 0.25,
+        is_zero: false,
         reach: [-6.0, 6.0],
         get: |twin| twin.plant.friction.viscous_n_s_per_m,
         set: |twin, value| twin.plant.friction.viscous_n_s_per_m = value,
@@ -135,6 +155,7 @@ pub const BASE: [Base; 11] = [
         name: "current_loop",
         unit: "Hz",
         prior: 0.05,
+        is_zero: false,
         // Slower than that it is `current-loop-lag` or `actuator-delay`.
         reach: [-1.0, 2.0],
         get: |twin| twin.plant.actuator.current_loop_hz,
@@ -144,9 +165,19 @@ pub const BASE: [Base; 11] = [
         name: "current_gain",
         unit: "",
         prior: 0.1,
+        is_zero: false,
         reach: [-6.0, 6.0],
         get: |twin| twin.current_gain,
         set: |twin, value| twin.current_gain = value,
+    },
+    Base {
+        name: "table_zero",
+        unit: "m",
+        prior: 1e-5,
+        is_zero: true,
+        reach: [f64::NEG_INFINITY, f64::INFINITY],
+        get: |twin| twin.table_zero_m,
+        set: |twin, value| twin.table_zero_m = value,
     },
 ];
 
@@ -246,11 +277,11 @@ impl Model {
 
     /// What it is simulated with.
     pub fn twin(&self) -> Twin {
-        let mut twin = Twin { plant: self.nominal, current_gain: 1.0 };
+        let mut twin = Twin::new(self.nominal);
         for (base, coordinate) in BASE.iter().zip(&self.base) {
             if *coordinate != 0.0 {
-                let value = (base.get)(&twin);
-                (base.set)(&mut twin, value * (coordinate * base.prior).exp());
+                let (value, by) = ((base.get)(&twin), coordinate * base.prior);
+                (base.set)(&mut twin, if base.is_zero { value + by } else { value * by.exp() });
             }
         }
         for tried in &self.effects {
@@ -259,10 +290,10 @@ impl Model {
         twin
     }
 
-    /// The base parameters as they came out.
+    /// The base parameters of the machine as they came out.
     pub fn base_values(&self) -> Vec<(&'static Base, f64)> {
         let twin = self.twin();
-        BASE.iter().map(|base| (base, (base.get)(&twin))).collect()
+        BASE.iter().filter(|base| !base.is_zero).map(|base| (base, (base.get)(&twin))).collect()
     }
 
     /// How many coordinates are fitted.
@@ -293,8 +324,8 @@ impl Model {
 
     /// Whether a coordinate moves anything: a share of what the file says is nothing does not.
     pub fn is_free(&self, coordinate: usize) -> bool {
-        let twin = Twin { plant: self.nominal, current_gain: 1.0 };
-        BASE.get(coordinate).is_none_or(|base| (base.get)(&twin) != 0.0)
+        let twin = Twin::new(self.nominal);
+        BASE.get(coordinate).is_none_or(|base| base.is_zero || (base.get)(&twin) != 0.0)
     }
 
     /// Coordinates of the base that are as far from the file as they may be.

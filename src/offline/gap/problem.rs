@@ -4,7 +4,7 @@
 //!   model ──► Course::run ──► Signals ──► measured less simulated ──► whitened ──► Residual, run by run
 //! ```
 //!
-//! Of the deflection only the change counts: a scale has its own zero. Rows of the start, rows that were filled in and
+//! A table scale has a zero of its own, which is fitted: of the deflection only the change counts. Rows of the start, rows that were filled in and
 //! what the filter remembers of them count nothing.
 //! Invariant: what is compared is the same rows for every model.
 
@@ -15,6 +15,7 @@ use super::forward::{Course, SETTLE_S, Signals, without_counts};
 use super::model::{BASE, Model};
 use super::motions::tells;
 use super::runs::Run;
+use super::zeros::{Zeros, about_zero, to_zero};
 use crate::base::axis::AxisId;
 use crate::base::time::Span;
 use crate::config::Machine;
@@ -29,7 +30,7 @@ pub const SIGNALS: [(&str, &str, Pick); 3] = [
 ];
 
 /// Place of the one that has a zero of its own.
-const DEFLECTION: usize = 1;
+pub(super) const DEFLECTION: usize = 1;
 
 /// Name of the signal of a place in [`SIGNALS`] as it is shown, how much more of its unit it is than in SI, and that unit.
 pub fn shown(signal: usize) -> (&'static str, f64, &'static str) {
@@ -106,6 +107,8 @@ pub struct Problem<'m> {
     untold: &'static [&'static str],
     /// Whether the force that is always there stays as it is.
     holds_force: bool,
+    /// Where the zero of the table scale is.
+    zeros: Zeros,
 }
 
 /// What a model leaves of a run, whitened: signal by signal, row by row; zero where a row does not count.
@@ -121,7 +124,9 @@ impl<'m> Problem<'m> {
         noises: [Option<Noise>; SIGNALS.len()],
     ) -> Self {
         let axis = without_counts(&machine.axes[id]);
-        Self { machine, id, axis, gain_set, data: Arc::new(data), noises, untold: &[], holds_force: false }
+        let (data, zeros) = about_zero(data);
+        let data = Arc::new(data);
+        Self { machine, id, axis, gain_set, data, noises, untold: &[], holds_force: false, zeros }
     }
 
     /// The same with each command once: a second pass tells the same again, and takes as long to simulate. No rows of
@@ -197,6 +202,17 @@ impl<'m> Problem<'m> {
         Self { holds_force, ..self.with_data(self.data.clone()) }
     }
 
+    /// Where the zero of the table scale is.
+    pub const fn zeros(&self) -> Zeros {
+        self.zeros
+    }
+
+    /// The same with the zero of the table scale elsewhere.
+    #[must_use]
+    pub(super) fn with_zeros(&self, zeros: Zeros) -> Self {
+        Self { zeros, ..self.with_data(self.data.clone()) }
+    }
+
     /// Whether its table is seen.
     pub(super) const fn has_table(&self) -> bool {
         self.noises[DEFLECTION].is_some()
@@ -205,6 +221,7 @@ impl<'m> Problem<'m> {
     /// Whether the rows say something of a coordinate of a model.
     pub(super) fn tells(&self, model: &Model, coordinate: usize) -> bool {
         match BASE.get(coordinate) {
+            Some(base) if base.is_zero => self.has_table() && self.zeros == Zeros::OfAll,
             Some(base) => !self.untold.contains(&base.name),
             None => !self.holds_force || model.constant_force() != Some(coordinate),
         }
@@ -229,32 +246,18 @@ impl<'m> Problem<'m> {
         let twin = model.twin();
         let mut signals = self.data[place].course.run(&self.axis, every, self.gain_set, &twin.plant);
         signals.current_a.iter_mut().for_each(|current_a| *current_a *= twin.current_gain);
+        signals.deflection_m.iter_mut().for_each(|deflection_m| *deflection_m += twin.table_zero_m);
         signals
     }
 
-    /// Measured less simulated of the signal of a place in [`SIGNALS`], in its unit; zero where a row does not count.
+    /// Measured less simulated of the signal of a place in [`SIGNALS`], in its unit.
     pub fn left(&self, place: usize, simulated: &Signals, signal: usize, part: Part) -> Vec<f64> {
         let (data, (.., pick)) = (&self.data[place], SIGNALS[signal]);
-        let mut left: Vec<f64> = pick(&data.measured)
-            .iter()
-            .zip(pick(simulated))
-            .map(|(measured, model)| measured - model)
-            .collect();
-        if signal != DEFLECTION {
-            return left;
+        let less = |(measured, model)| measured - model;
+        let mut left: Vec<f64> = pick(&data.measured).iter().zip(pick(simulated)).map(less).collect();
+        if signal == DEFLECTION && self.zeros == Zeros::OfEachRun {
+            to_zero(&mut left, data, part);
         }
-        // Rows in which a slip comes a moment later say little of where zero is.
-        let louds = data.loudness[signal].iter().copied().chain(std::iter::repeat(1.0));
-        let (mut sum, mut weights) = (0.0, 0.0);
-        for ((value, counts), loud) in left.iter().zip(data.rows(part)).zip(louds) {
-            if *counts {
-                let weight = (loud * loud).recip();
-                sum += weight * value;
-                weights += weight;
-            }
-        }
-        let mean = sum / f64::max(weights, f64::MIN_POSITIVE);
-        left.iter_mut().for_each(|value| *value -= mean);
         left
     }
 
@@ -265,15 +268,21 @@ impl<'m> Problem<'m> {
 
     /// The same of what was simulated.
     pub fn whitened(&self, place: usize, simulated: &Signals, part: Part) -> Residual {
+        self.in_noise(place, part, |signal| self.left(place, simulated, signal, part))
+    }
+
+    /// What is left of each signal of a run in the standard deviations of its noise; zero where a row does not count.
+    pub(super) fn in_noise(&self, place: usize, part: Part, left: impl Fn(usize) -> Vec<f64>) -> Residual {
+        let data = &self.data[place];
         let of = |(signal, noise): (usize, &Option<Noise>)| {
             let noise = noise.as_ref()?;
-            let left = self.left(place, simulated, signal, part);
+            let left = left(signal);
             if left.is_empty() {
                 return Some(Vec::new());
             }
             let mut white = noise.whitened(&left);
-            white.iter_mut().zip(&self.data[place].loudness[signal]).for_each(|(value, loud)| *value /= loud);
-            for (value, counts) in white.iter_mut().zip(self.data[place].rows(part)) {
+            white.iter_mut().zip(&data.loudness[signal]).for_each(|(value, loud)| *value /= loud);
+            for (value, counts) in white.iter_mut().zip(data.rows(part)) {
                 if !counts {
                     *value = 0.0;
                 }
@@ -373,11 +382,14 @@ mod tests {
         let problem = Problem::new(&machine, AxisId::X, 0, Vec::new(), [None, None, None]);
         let model = usual::with(&Model::new(machine.axes[AxisId::X].plant));
         let force = model.constant_force().expect("it has one");
-        let told = |holds: bool| -> Vec<usize> {
+        // No table is seen, and so no zero of its scale.
+        let is_machine = |coordinate: &usize| BASE.get(*coordinate).is_none_or(|base| !base.is_zero);
+        let untold = |holds: bool| -> Vec<usize> {
             let problem = problem.holding_force(holds);
-            (0..model.coordinate_count()).filter(|coordinate| !problem.tells(&model, *coordinate)).collect()
+            let of_machine = (0..model.coordinate_count()).filter(is_machine);
+            of_machine.filter(|coordinate| !problem.tells(&model, *coordinate)).collect()
         };
-        assert_eq!(told(true), [force]);
-        assert!(told(false).is_empty());
+        assert_eq!(untold(true), [force]);
+        assert!(untold(false).is_empty());
     }
 }

@@ -12,7 +12,7 @@ use super::foretold::foretold;
 use super::forward::Signals;
 use super::gates::Candidate;
 use super::linear::BLOCK_S;
-use super::model::{BASE, Model};
+use super::model::{BASE, Base, Model};
 use super::name::Named;
 use super::problem::{Part, Problem, SIGNALS, shown};
 use super::rest::Rest;
@@ -218,7 +218,8 @@ pub(super) fn verdict(named: &Named, gap: &[SignalGap], has_rest: bool) -> Verdi
         return Verdict::Unknown;
     }
     let moved = |fitted: &Fitted| {
-        fitted.model.base.iter().zip(&BASE).any(|(coordinate, base)| (coordinate * base.prior).abs() > 0.03)
+        let is_off = |(at, base): (&f64, &Base)| !base.is_zero && (at * base.prior).abs() > 0.03;
+        fitted.model.base.iter().zip(&BASE).any(is_off)
     };
     if is_real(|signal| signal.file) && moved(&named.base) {
         Verdict::ParameterOnly
