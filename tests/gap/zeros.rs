@@ -2,7 +2,7 @@
 //! effect of the machine.
 
 use quadrant::offline::gap::linear::{Linear, Steps, residuals};
-use quadrant::offline::gap::model::BASE;
+use quadrant::offline::gap::twin::BASE;
 use quadrant::offline::gap::zeros::Zeros;
 
 use super::*;

@@ -16,8 +16,9 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::linear::{BLOCK_S, K, Linear, Loss, Normal, Steps, residuals};
-use super::model::{BASE, Model};
+use super::model::Model;
 use super::problem::{Part, Problem, Residual};
+use super::twin::BASE;
 use crate::plant::effects::Parameter;
 
 /// Damping at the start, by how much it falls and grows, and how often it may grow before a step is given up.

@@ -17,8 +17,9 @@ use std::sync::Arc;
 use nalgebra::{DMatrix, DVector, DVectorView};
 use rayon::prelude::*;
 
-use super::model::{BASE, Model};
+use super::model::Model;
 use super::problem::{Part, Problem, Residual};
+use super::twin::BASE;
 
 /// Rows beyond this count by less than their square, in standard deviations.
 pub const K: f64 = 4.0;

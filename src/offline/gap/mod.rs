@@ -56,6 +56,7 @@ pub mod shortlist;
 pub mod spectrum;
 mod straight;
 mod tones;
+pub mod twin;
 mod usual;
 pub mod verdict;
 mod without;

@@ -3,183 +3,12 @@
 //!
 //! A base parameter is fitted as the logarithm of its ratio to what the machine file says, in steps of its prior; an
 //! effect's value in steps of its own. So every coordinate is 0 where nothing is known, and 1 is as far as a
-//! machine usually is from its file. What a current sensor shows too much is fitted beside them, so that it is
-//! taken for no effect, and so is where the zero of a table scale is: that one is no ratio but a way.
+//! machine usually is from its file.
 //! Invariant: coordinates make a plant that `config` would accept.
 
-use crate::base::units::{Force, Velocity};
+use super::twin::{BASE, Base, Twin};
 use crate::plant::Parameters;
 use crate::plant::effects::{Entry, Parameter, VALUES_MAX, Values, entry};
-
-/// What a simulation is run with.
-#[derive(Clone, Copy, Debug)]
-pub struct Twin {
-    /// The plant.
-    pub plant: Parameters,
-    /// Current that is shown per current that flows.
-    pub current_gain: f64,
-    /// What a table scale makes of no deflection, m.
-    pub table_zero_m: f64,
-}
-
-impl Twin {
-    /// A plant whose sensors show what there is.
-    const fn new(plant: Parameters) -> Self {
-        Self { plant, current_gain: 1.0, table_zero_m: 0.0 }
-    }
-}
-
-/// A parameter of the base model.
-#[derive(Clone, Copy, Debug)]
-pub struct Base {
-    /// As identification names it.
-    pub name: &'static str,
-    /// Its unit.
-    pub unit: &'static str,
-    /// Standard deviation of the logarithm of how far machine files are off; of the value itself where no file has it.
-    pub prior: f64,
-    /// Whether it is added to what there is: a zero, which is of a recording and of no machine.
-    pub is_zero: bool,
-    /// How far a machine is from its file at most, in priors: further off it is another machine, or it is an effect.
-    reach: [f64; 2],
-    get: fn(&Twin) -> f64,
-    set: fn(&mut Twin, f64),
-}
-
-impl Base {
-    /// The coordinate, as far as it may be from the file.
-    pub fn within_reach(&self, coordinate: f64) -> f64 {
-        let [low, high] = self.reach;
-        coordinate.clamp(low, high)
-    }
-}
-
-/// The base parameters, in the order of the coordinates.
-pub const BASE: [Base; 12] = [
-    Base {
-        name: "mass",
-        unit: "kg",
-        prior: 0.25,
-        is_zero: false,
-        reach: [-6.0, 6.0],
-        get: |twin| twin.plant.mechanics.mass_kg,
-        set: |twin, value| twin.plant.mechanics.mass_kg = value,
-    },
-    Base {
-        name: "motor_inertia",
-        unit: "kg m2",
-        prior: 0.25,
-        is_zero: false,
-        reach: [-6.0, 6.0],
-        get: |twin| twin.plant.mechanics.inertia_kg_m2,
-        set: |twin, value| twin.plant.mechanics.inertia_kg_m2 = value,
-    },
-    Base {
-        name: "stiffness",
-        unit: "N/m",
-        prior: 0.25,
-        is_zero: false,
-        reach: [-6.0, 6.0],
-        get: |twin| twin.plant.mechanics.stiffness_n_per_m,
-        set: |twin, value| twin.plant.mechanics.stiffness_n_per_m = value,
-    },
-    Base {
-        name: "damping",
-        unit: "N s/m",
-        prior: 0.5,
-        is_zero: false,
-        reach: [-6.0, 6.0],
-        get: |twin| twin.plant.mechanics.damping_n_s_per_m,
-        set: |twin, value| twin.plant.mechanics.damping_n_s_per_m = value,
-    },
-    Base {
-        name: "sliding",
-        unit: "N",
-        prior: 0.25,
-        is_zero: false,
-        reach: [-6.0, 6.0],
-        get: |twin| twin.plant.friction.sliding.as_n(),
-        set: |twin, value| {
-            let excess = twin.plant.friction.breakaway / twin.plant.friction.sliding;
-            twin.plant.friction.sliding = Force::n(value);
-            twin.plant.friction.breakaway = Force::n(value * excess);
-        },
-    },
-    Base {
-        name: "breakaway_excess",
-        unit: "N",
-        prior: 0.5,
-        is_zero: false,
-        reach: [-6.0, 6.0],
-        get: |twin| (twin.plant.friction.breakaway - twin.plant.friction.sliding).as_n(),
-        set: |twin, value| {
-            twin.plant.friction.breakaway = Force::n(twin.plant.friction.sliding.as_n() + value)
-        },
-    },
-    Base {
-        name: "fall_end",
-        unit: "mm/s",
-        prior: 0.5,
-        is_zero: false,
-        reach: [-6.0, 6.0],
-        get: |twin| twin.plant.friction.fall_end.as_mm_per_s(),
-        set: |twin, value| {
-            let share =
-                twin.plant.friction.fall_start.as_mm_per_s() / twin.plant.friction.fall_end.as_mm_per_s();
-            twin.plant.friction.fall_end = Velocity::mm_per_s(value);
-            twin.plant.friction.fall_start = Velocity::mm_per_s(value * share);
-        },
-    },
-    Base {
-        name: "fall_start",
-        unit: "mm/s",
-        prior: 0.5,
-        is_zero: false,
-        reach: [-6.0, 6.0],
-        get: |twin| twin.plant.friction.fall_start.as_mm_per_s(),
-        set: |twin, value| {
-            twin.plant.friction.fall_start =
-                Velocity::mm_per_s(value.min(0.95 * twin.plant.friction.fall_end.as_mm_per_s()));
-        },
-    },
-    Base {
-        name: "viscous",
-        unit: "N s/m",
-        prior: 0.25,
-        is_zero: false,
-        reach: [-6.0, 6.0],
-        get: |twin| twin.plant.friction.viscous_n_s_per_m,
-        set: |twin, value| twin.plant.friction.viscous_n_s_per_m = value,
-    },
-    Base {
-        name: "current_loop",
-        unit: "Hz",
-        prior: 0.05,
-        is_zero: false,
-        // Slower than that it is `current-loop-lag` or `actuator-delay`.
-        reach: [-1.0, 2.0],
-        get: |twin| twin.plant.actuator.current_loop_hz,
-        set: |twin, value| twin.plant.actuator.current_loop_hz = value,
-    },
-    Base {
-        name: "current_gain",
-        unit: "",
-        prior: 0.1,
-        is_zero: false,
-        reach: [-6.0, 6.0],
-        get: |twin| twin.current_gain,
-        set: |twin, value| twin.current_gain = value,
-    },
-    Base {
-        name: "table_zero",
-        unit: "m",
-        prior: 1e-5,
-        is_zero: true,
-        reach: [f64::NEG_INFINITY, f64::INFINITY],
-        get: |twin| twin.table_zero_m,
-        set: |twin, value| twin.table_zero_m = value,
-    },
-];
 
 /// Values so near to a bound are at it, as a share of what is between both.
 const AT_BOUND: f64 = 1e-4;
@@ -278,12 +107,7 @@ impl Model {
     /// What it is simulated with.
     pub fn twin(&self) -> Twin {
         let mut twin = Twin::new(self.nominal);
-        for (base, coordinate) in BASE.iter().zip(&self.base) {
-            if *coordinate != 0.0 {
-                let (value, by) = ((base.get)(&twin), coordinate * base.prior);
-                (base.set)(&mut twin, if base.is_zero { value + by } else { value * by.exp() });
-            }
-        }
+        BASE.iter().zip(&self.base).for_each(|(base, coordinate)| base.move_to(*coordinate, &mut twin));
         for tried in &self.effects {
             twin.plant = twin.plant.with_effect(tried.entry, tried.values);
         }
@@ -293,7 +117,7 @@ impl Model {
     /// The base parameters of the machine as they came out.
     pub fn base_values(&self) -> Vec<(&'static Base, f64)> {
         let twin = self.twin();
-        BASE.iter().filter(|base| !base.is_zero).map(|base| (base, (base.get)(&twin))).collect()
+        BASE.iter().filter(|base| !base.is_zero).map(|base| (base, base.of(&twin))).collect()
     }
 
     /// How many coordinates are fitted.
@@ -324,8 +148,7 @@ impl Model {
 
     /// Whether a coordinate moves anything: a share of what the file says is nothing does not.
     pub fn is_free(&self, coordinate: usize) -> bool {
-        let twin = Twin::new(self.nominal);
-        BASE.get(coordinate).is_none_or(|base| base.is_zero || (base.get)(&twin) != 0.0)
+        BASE.get(coordinate).is_none_or(|base| base.is_free(&self.nominal))
     }
 
     /// Coordinates of the base that are as far from the file as they may be.

@@ -23,7 +23,7 @@ const FASTER: f64 = 4.0;
 const SINCE_S: f64 = 0.05;
 /// Fewer rows tell no base, s.
 const LEAST_S: f64 = 2.0;
-/// What rows in motion say nothing of, as [`super::model::BASE`] names it.
+/// What rows in motion say nothing of, as [`super::twin::BASE`] names it.
 const UNTOLD: &[&str] = &["fall_end", "fall_start"];
 
 impl Problem<'_> {

@@ -12,9 +12,10 @@ use std::sync::Arc;
 
 use super::floor::{Loudness, Noise, Pick};
 use super::forward::{Course, SETTLE_S, Signals, without_counts};
-use super::model::{BASE, Model};
+use super::model::Model;
 use super::motions::tells;
 use super::runs::Run;
+use super::twin::BASE;
 use super::zeros::{Zeros, about_zero, to_zero};
 use crate::base::axis::AxisId;
 use crate::base::time::Span;

@@ -7,8 +7,9 @@ use rayon::prelude::*;
 use super::fit::{Effort, Fitted, LEAST_PER_ROW, fit, total_of};
 use super::gates::PLAIN;
 use super::louder::is_much_left;
-use super::model::{BASE, Model};
+use super::model::Model;
 use super::problem::{Part, Problem};
+use super::twin::BASE;
 
 /// Iterations of coarse fits: of the base, and of a candidate with it.
 pub(super) const ITERATIONS: [usize; 2] = [12, 6];

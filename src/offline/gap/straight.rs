@@ -17,8 +17,9 @@ use rayon::prelude::*;
 
 use super::floor::Pick;
 use super::forward::Signals;
-use super::model::{BASE, Model};
+use super::model::Model;
 use super::problem::{AxisData, Problem, SIGNALS};
+use super::twin::BASE;
 use crate::offline::running_mean::running_mean;
 
 /// How many pairs of models are held against the one.

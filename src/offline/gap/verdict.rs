@@ -12,10 +12,11 @@ use super::foretold::foretold;
 use super::forward::Signals;
 use super::gates::Candidate;
 use super::linear::BLOCK_S;
-use super::model::{BASE, Base, Model};
+use super::model::Model;
 use super::name::Named;
 use super::problem::{Part, Problem, SIGNALS, shown};
 use super::rest::Rest;
+use super::twin::{BASE, Base};
 
 /// A gap that moves an axis by less is none that anybody would look for, um.
 pub const PRACTICAL_UM: f64 = 0.1;

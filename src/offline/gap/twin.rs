@@ -1,0 +1,197 @@
+//! What a simulation is run with, and the parameters of the base model in it.
+//!
+//! A parameter is what the machine file says times the exponential of its coordinate in steps of its prior; a zero, of which no file
+//! tells, is added. What a current sensor shows too much and where the zero of a table scale is are of the sensors and fitted beside the
+//! plant, so that they are taken for no effect.
+//! Invariant: a coordinate of 0 is what the file says.
+
+use crate::base::units::{Force, Velocity};
+use crate::plant::Parameters;
+
+/// What a simulation is run with.
+#[derive(Clone, Copy, Debug)]
+pub struct Twin {
+    /// The plant.
+    pub plant: Parameters,
+    /// Current that is shown per current that flows.
+    pub current_gain: f64,
+    /// What a table scale makes of no deflection, m.
+    pub table_zero_m: f64,
+}
+
+impl Twin {
+    /// A plant whose sensors show what there is.
+    pub const fn new(plant: Parameters) -> Self {
+        Self { plant, current_gain: 1.0, table_zero_m: 0.0 }
+    }
+}
+
+/// A parameter of the base model.
+#[derive(Clone, Copy, Debug)]
+pub struct Base {
+    /// As identification names it.
+    pub name: &'static str,
+    /// Its unit.
+    pub unit: &'static str,
+    /// Standard deviation of the logarithm of how far machine files are off; of the value itself where no file has it.
+    pub prior: f64,
+    /// Whether it is added to what there is: a zero, which is of a recording and of no machine.
+    pub is_zero: bool,
+    /// How far a machine is from its file at most, in priors: further off it is another machine, or it is an effect.
+    pub reach: [f64; 2],
+    get: fn(&Twin) -> f64,
+    set: fn(&mut Twin, f64),
+}
+
+impl Base {
+    /// Its value.
+    pub fn of(&self, twin: &Twin) -> f64 {
+        (self.get)(twin)
+    }
+
+    /// Moves it to a coordinate from where the file has it.
+    pub fn move_to(&self, coordinate: f64, twin: &mut Twin) {
+        if coordinate != 0.0 {
+            let (value, by) = (self.of(twin), coordinate * self.prior);
+            (self.set)(twin, if self.is_zero { value + by } else { value * by.exp() });
+        }
+    }
+
+    /// Whether a coordinate moves anything: a share of what the file says is nothing does not.
+    pub fn is_free(&self, filed: &Parameters) -> bool {
+        self.is_zero || self.of(&Twin::new(*filed)) != 0.0
+    }
+
+    /// The coordinate, as far as it may be from the file.
+    pub fn within_reach(&self, coordinate: f64) -> f64 {
+        let [low, high] = self.reach;
+        coordinate.clamp(low, high)
+    }
+}
+
+/// The base parameters, in the order of the coordinates.
+pub const BASE: [Base; 12] = [
+    Base {
+        name: "mass",
+        unit: "kg",
+        prior: 0.25,
+        is_zero: false,
+        reach: [-6.0, 6.0],
+        get: |twin| twin.plant.mechanics.mass_kg,
+        set: |twin, value| twin.plant.mechanics.mass_kg = value,
+    },
+    Base {
+        name: "motor_inertia",
+        unit: "kg m2",
+        prior: 0.25,
+        is_zero: false,
+        reach: [-6.0, 6.0],
+        get: |twin| twin.plant.mechanics.inertia_kg_m2,
+        set: |twin, value| twin.plant.mechanics.inertia_kg_m2 = value,
+    },
+    Base {
+        name: "stiffness",
+        unit: "N/m",
+        prior: 0.25,
+        is_zero: false,
+        reach: [-6.0, 6.0],
+        get: |twin| twin.plant.mechanics.stiffness_n_per_m,
+        set: |twin, value| twin.plant.mechanics.stiffness_n_per_m = value,
+    },
+    Base {
+        name: "damping",
+        unit: "N s/m",
+        prior: 0.5,
+        is_zero: false,
+        reach: [-6.0, 6.0],
+        get: |twin| twin.plant.mechanics.damping_n_s_per_m,
+        set: |twin, value| twin.plant.mechanics.damping_n_s_per_m = value,
+    },
+    Base {
+        name: "sliding",
+        unit: "N",
+        prior: 0.25,
+        is_zero: false,
+        reach: [-6.0, 6.0],
+        get: |twin| twin.plant.friction.sliding.as_n(),
+        set: |twin, value| {
+            let excess = twin.plant.friction.breakaway / twin.plant.friction.sliding;
+            twin.plant.friction.sliding = Force::n(value);
+            twin.plant.friction.breakaway = Force::n(value * excess);
+        },
+    },
+    Base {
+        name: "breakaway_excess",
+        unit: "N",
+        prior: 0.5,
+        is_zero: false,
+        reach: [-6.0, 6.0],
+        get: |twin| (twin.plant.friction.breakaway - twin.plant.friction.sliding).as_n(),
+        set: |twin, value| {
+            twin.plant.friction.breakaway = Force::n(twin.plant.friction.sliding.as_n() + value)
+        },
+    },
+    Base {
+        name: "fall_end",
+        unit: "mm/s",
+        prior: 0.5,
+        is_zero: false,
+        reach: [-6.0, 6.0],
+        get: |twin| twin.plant.friction.fall_end.as_mm_per_s(),
+        set: |twin, value| {
+            let share =
+                twin.plant.friction.fall_start.as_mm_per_s() / twin.plant.friction.fall_end.as_mm_per_s();
+            twin.plant.friction.fall_end = Velocity::mm_per_s(value);
+            twin.plant.friction.fall_start = Velocity::mm_per_s(value * share);
+        },
+    },
+    Base {
+        name: "fall_start",
+        unit: "mm/s",
+        prior: 0.5,
+        is_zero: false,
+        reach: [-6.0, 6.0],
+        get: |twin| twin.plant.friction.fall_start.as_mm_per_s(),
+        set: |twin, value| {
+            twin.plant.friction.fall_start =
+                Velocity::mm_per_s(value.min(0.95 * twin.plant.friction.fall_end.as_mm_per_s()));
+        },
+    },
+    Base {
+        name: "viscous",
+        unit: "N s/m",
+        prior: 0.25,
+        is_zero: false,
+        reach: [-6.0, 6.0],
+        get: |twin| twin.plant.friction.viscous_n_s_per_m,
+        set: |twin, value| twin.plant.friction.viscous_n_s_per_m = value,
+    },
+    Base {
+        name: "current_loop",
+        unit: "Hz",
+        prior: 0.05,
+        is_zero: false,
+        // Slower than that it is `current-loop-lag` or `actuator-delay`.
+        reach: [-1.0, 2.0],
+        get: |twin| twin.plant.actuator.current_loop_hz,
+        set: |twin, value| twin.plant.actuator.current_loop_hz = value,
+    },
+    Base {
+        name: "current_gain",
+        unit: "",
+        prior: 0.1,
+        is_zero: false,
+        reach: [-6.0, 6.0],
+        get: |twin| twin.current_gain,
+        set: |twin, value| twin.current_gain = value,
+    },
+    Base {
+        name: "table_zero",
+        unit: "m",
+        prior: 1e-5,
+        is_zero: true,
+        reach: [f64::NEG_INFINITY, f64::INFINITY],
+        get: |twin| twin.table_zero_m,
+        set: |twin, value| twin.table_zero_m = value,
+    },
+];
