@@ -23,7 +23,7 @@ use super::problem::{AxisData, Problem, SIGNALS};
 use super::repeats::{Repeat, first_pass, repeats};
 use super::rest::Rest;
 use super::runs::{AxisRun, Run};
-use super::verdict::{SignalGap, Verdict, explains_too_little, gaps, shape, verdict};
+use super::verdict::{SignalGap, Verdict, closes_little, explains_too_little, gaps, shape, verdict};
 use super::zeros::Zeros;
 use crate::base::axis::AxisId;
 use crate::config::Machine;
@@ -192,7 +192,11 @@ fn axis<'m>(
     problem = problem.as_clocked(&named);
     let mut gap = gaps(&problem, &weighed, &start, &named);
     let shape = shape(&problem, &named);
-    if !named.effects.is_empty() && (shape.is_some() || explains_too_little(&problem, &weighed, &named)) {
+    let is_little = || {
+        let is_pushed = || bursts(&problem, &named.model.model).is_some();
+        explains_too_little(&problem, &weighed, &named) || (closes_little(&gap) && is_pushed())
+    };
+    if !named.effects.is_empty() && (shape.is_some() || is_little()) {
         named.withdraw();
         gap.iter_mut().for_each(|signal| signal.after = signal.before);
     }

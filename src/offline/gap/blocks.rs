@@ -7,7 +7,7 @@ use rand_pcg::Pcg64Mcg;
 
 use super::linear::{BLOCK_S, Loss, residuals};
 use super::model::Model;
-use super::problem::{Part, Problem};
+use super::problem::{Part, Problem, SIGNALS};
 
 /// How often blocks are drawn to see how sure a fall is, and in how many draws at most it may be none: one in a thousand,
 /// for there are thirty candidates, and each may be the one that chance favours.
@@ -19,9 +19,12 @@ const LEFT_OUT: usize = 3;
 /// Share of the blocks that may be of chance: one slip that comes a moment later, or somebody who leaned on the table.
 const OF_CHANCE: f64 = 0.05;
 
-/// Cost of the rows that were not fitted, block by block, and how many values count in each.
+/// Share of a fall that is most of it.
+const MOST: f64 = 0.5;
+
+/// Cost of the rows that were not fitted: block by block and signal by signal, and how many values count in each.
 #[derive(Clone, Debug)]
-pub(super) struct Blocks(Vec<(f64, usize)>);
+pub(super) struct Blocks(Vec<[(f64, usize); SIGNALS.len()]>);
 
 impl Blocks {
     pub(super) fn new(problem: &Problem<'_>, model: &Model) -> Self {
@@ -30,32 +33,57 @@ impl Blocks {
         for residual in residuals(problem, model, Part::Held) {
             let rows = residual.iter().map(Vec::len).max().unwrap_or(0);
             for from in (0..rows).step_by(length) {
-                // A row that does not count is zero.
-                let values =
-                    || residual.iter().flat_map(|signal| signal.iter().skip(from).take(length)).copied();
-                let cost = values().map(|value| Loss::LAST.of(value)).sum();
-                blocks.push((cost, values().filter(|value| *value != 0.0).count()));
+                let mut block = [(0.0, 0); SIGNALS.len()];
+                for ((cost, count), signal) in block.iter_mut().zip(&residual) {
+                    let values = || signal.iter().skip(from).take(length).copied();
+                    *cost = values().map(|value| Loss::LAST.of(value)).sum();
+                    // A row that does not count is zero.
+                    *count = values().filter(|value| *value != 0.0).count();
+                }
+                blocks.push(block);
             }
         }
         Self(blocks)
     }
 
-    /// Of known costs.
+    /// Of known costs of one signal.
     #[cfg(test)]
     pub(super) fn of(costs: Vec<f64>) -> Self {
-        Self(costs.into_iter().map(|cost| (cost, 400)).collect())
+        Self(costs.into_iter().map(|cost| [(cost, 400), (0.0, 0), (0.0, 0)]).collect())
     }
 
     pub(super) fn cost(&self) -> f64 {
-        self.0.iter().map(|(cost, _)| cost).sum()
+        self.0.iter().map(cost_of).sum()
     }
 
-    /// Whether they cost more than noise, which costs one for each value, whatever chance did in a few of them.
+    /// Cost of a signal alone.
+    fn of_signal(&self, signal: usize) -> f64 {
+        self.0.iter().map(|block| block[signal].0).sum()
+    }
+
+    /// Whether a signal costs more than noise, which costs one for each value, whatever chance did in a few of its blocks.
     pub(super) fn costs_more_than_noise(&self) -> bool {
-        let mut excesses: Vec<f64> = self.0.iter().map(|(cost, count)| cost - *count as f64).collect();
-        excesses.sort_by(f64::total_cmp);
-        excesses.truncate(excesses.len() - (OF_CHANCE * excesses.len() as f64).ceil() as usize);
-        excesses.iter().sum::<f64>() > 0.0
+        (0..SIGNALS.len()).any(|signal| {
+            let excess = |block: &[(f64, usize); SIGNALS.len()]| block[signal].0 - block[signal].1 as f64;
+            let mut excesses: Vec<f64> = self.0.iter().map(excess).collect();
+            excesses.sort_by(f64::total_cmp);
+            excesses.truncate(excesses.len() - (OF_CHANCE * excesses.len() as f64).ceil() as usize);
+            excesses.iter().sum::<f64>() > 0.0
+        })
+    }
+
+    /// Whether another model costs less by a share of what they cost less than a model `alone`: all signals together, or those that say most
+    /// of it each by itself. What one signal showed hundreds of times louder than noise says nothing of what another one shows.
+    pub(super) fn falls_further(&self, alone: &Self, other: &Self, share: f64) -> bool {
+        let fall = self.cost() - other.cost();
+        if fall >= share * (alone.cost() - self.cost()) {
+            return true;
+        }
+        let falls = (0..SIGNALS.len()).filter_map(|signal| {
+            let [own, other, alone] = [self, other, alone].map(|blocks| blocks.of_signal(signal));
+            (own - other >= share * (alone - own).max(0.0)).then_some(own - other)
+        });
+        falls.sum::<f64>() > MOST * fall
     }
 
     /// Whether they are worse than others also without the [`LEFT_OUT`] that speak most for it.
@@ -67,7 +95,7 @@ impl Blocks {
     }
 
     fn falls_to(&self, other: &Self) -> Vec<f64> {
-        self.0.iter().zip(&other.0).map(|((own, _), (other, _))| own - other).collect()
+        self.0.iter().zip(&other.0).map(|(own, other)| cost_of(own) - cost_of(other)).collect()
     }
 
     /// Whether blocks drawn again are worse than others in all but [`DRAWS`].
@@ -84,11 +112,35 @@ impl Blocks {
     }
 }
 
+/// Of all signals of a block.
+fn cost_of(block: &[(f64, usize); SIGNALS.len()]) -> f64 {
+    block.iter().map(|(cost, _)| cost).sum()
+}
+
 #[cfg(test)]
 mod tests {
     use std::f64::consts::TAU;
 
     use super::*;
+
+    #[test]
+    fn what_one_signal_showed_much_louder_says_nothing_of_what_another_shows() {
+        let of = |costs: [f64; 3]| Blocks(vec![costs.map(|cost| (cost, 400))]);
+        let (alone, with_one) = (of([2_000.0, 90_000.0, 3_500.0]), of([1_800.0, 2_500.0, 3_400.0]));
+        for (other, falls) in [
+            // Little beside what the deflection told, and all that the current tells.
+            ([1_790.0, 2_400.0, 2_000.0], true),
+            // What the first effect left where it was named.
+            ([1_790.0, 500.0, 3_390.0], false),
+            ([1_700.0, 500.0, 3_200.0], false),
+            // A twenty-fifth of all of it.
+            ([1_000.0, 500.0, 2_500.0], true),
+            // Nothing.
+            ([1_800.0, 2_500.0, 3_400.0], false),
+        ] {
+            assert_eq!(with_one.falls_further(&alone, &of(other), 0.04), falls, "{other:?}");
+        }
+    }
 
     /// Blocks that fall by so much on average, and by so much more or less.
     fn falling(by: f64, scatter: f64) -> [Blocks; 2] {

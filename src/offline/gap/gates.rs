@@ -158,7 +158,7 @@ pub(super) fn tried(
     problem: &Problem<'_>,
     here: &Linear,
     without: &Fitted,
-    (blocks_without, explained): (&Blocks, f64),
+    blocks @ [blocks_without, alone]: [&Blocks; 2],
     promising: &[Model],
     refit: &(dyn Fn(&Model) -> Fitted + Sync),
     rows: [usize; 2],
@@ -168,7 +168,7 @@ pub(super) fn tried(
     // should show it, only found a valley of the others.
     let is_of_fit_alone = |fitted: &Fitted| {
         let of = fitted.model.effects.last().map(|tried| tried.entry);
-        explained > 0.0
+        alone.cost() > without_held
             && of.is_some_and(shows_where_judged)
             && Blocks::new(problem, &fitted.model).cost() > without_held
     };
@@ -192,7 +192,7 @@ pub(super) fn tried(
     all.sort_by(|a, b| a.total.total_cmp(&b.total));
     let mut seen = BTreeSet::new();
     all.retain(|fitted| seen.insert(last_of(&fitted.model)));
-    let judged = |fitted| judged(problem, without, (blocks_without, explained), fitted, rows);
+    let judged = |fitted| judged(problem, without, blocks, fitted, rows);
     all.into_par_iter().map(judged).collect()
 }
 
@@ -220,7 +220,7 @@ pub(super) fn is_sure(problem: &Problem<'_>, fitted: &Fitted) -> bool {
 pub(super) fn judged(
     problem: &Problem<'_>,
     without: &Fitted,
-    (blocks_without, explained): (&Blocks, f64),
+    [blocks_without, alone]: [&Blocks; 2],
     fitted: Fitted,
     rows: [usize; 2],
 ) -> Candidate {
@@ -241,8 +241,10 @@ pub(super) fn judged(
         failed.push(Gate::Fit);
     }
     let is_hidden = does_not_show_where_judged(entry, without, &fitted, [blocks_without, &blocks], rows);
-    let least = f64::max(HELD_SHARE * left, FURTHER * explained);
-    if !is_hidden && (held_fall <= HELD_FALL || without_held - held < least) {
+    let is_worth_it = held_fall > HELD_FALL
+        && without_held - held >= HELD_SHARE * left
+        && blocks_without.falls_further(alone, &blocks, FURTHER);
+    if !is_hidden && !is_worth_it {
         failed.push(Gate::Held);
     }
     let in_all_draws = blocks_without.is_surely_worse_than(&blocks);

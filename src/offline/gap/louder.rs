@@ -28,8 +28,8 @@ pub(super) struct Louder<'m> {
     pub(super) once: Problem<'m>,
     pub(super) fitted: Fitted,
     pub(super) blocks: Blocks,
-    /// Cost of the base alone on the rows that judge.
-    pub(super) alone_held: f64,
+    /// Those of the base alone.
+    pub(super) alone: Blocks,
 }
 
 impl<'m> Louder<'m> {
@@ -51,6 +51,6 @@ impl<'m> Louder<'m> {
         let from = if is_base { &ended(&once, model) } else { model };
         let fitted = fit(&louder, from, Effort::Coarse(ITERATIONS[0]), None);
         let [blocks, alone] = [&fitted.model, alone].map(|model| Blocks::new(&louder, model));
-        Some(Self { problem: louder, once, fitted, blocks, alone_held: alone.cost() })
+        Some(Self { problem: louder, once, fitted, blocks, alone })
     }
 }

@@ -137,7 +137,7 @@ pub fn name<'m>(
     }
     let mut once = problem.first_passes();
     let (mut model, mut blocks) = (coarse.clone(), Blocks::new(&problem, &coarse.model));
-    let mut alone_held = blocks.cost();
+    let mut alone = blocks.clone();
     // The base at its bottom, which is known where a name was put to the test.
     let mut base: Option<Fitted> = None;
     let (mut valleys, mut has_turned) = (0, false);
@@ -147,12 +147,9 @@ pub fn name<'m>(
         progress("looking for what is missing");
         let louder = Louder::for_what_is_left(&problem, &model.model, [start, &coarse.model]);
         let (search, searched, at, judged) = match &louder {
-            Some(louder) => {
-                (&louder.problem, &louder.once, &louder.fitted, (&louder.blocks, louder.alone_held))
-            }
-            None => (&problem, &once, &model, (&blocks, alone_held)),
+            Some(louder) => (&louder.problem, &louder.once, &louder.fitted, [&louder.blocks, &louder.alone]),
+            None => (&problem, &once, &model, [&blocks, &alone]),
         };
-        let judged = (judged.0, judged.1 - judged.0.cost());
         let peaks = Peaks::new(search, &at.model);
         let free = linear(&searched.holding_force(false), &at.model);
         // What the base may not go further with makes up for no more.
@@ -203,7 +200,7 @@ pub fn name<'m>(
             (problem, coarse) = other;
             once = problem.first_passes();
             (model, blocks) = (coarse.clone(), Blocks::new(&problem, &coarse.model));
-            alone_held = blocks.cost();
+            alone = blocks.clone();
             continue;
         };
         let (best_name, margin) = (best.name(), margin(best.evidence));
@@ -269,7 +266,7 @@ pub fn name<'m>(
                 break;
             }
             if effects.is_empty() {
-                alone_held = blocks.cost();
+                alone = blocks.clone();
             }
         } else if is_far(&model, &before) {
             progress(&format!("{}: how large is it?", best.name()));
@@ -282,7 +279,7 @@ pub fn name<'m>(
                 fit(&problem, &model.model, Effort::Fine, None)
             };
             blocks = Blocks::new(&problem, &model.model);
-            alone_held = Blocks::new(&problem, &coarse.model).cost();
+            alone = Blocks::new(&problem, &coarse.model);
         }
     }
     // Backwards: what came first may have stood for what came later.
@@ -308,7 +305,7 @@ pub fn name<'m>(
     if effects.is_empty() {
         (model, blocks) = (base.clone(), Blocks::new(&problem, &base.model));
     }
-    let told = usual::told(&problem, &once, &model, (&blocks, alone_held), [start, &coarse.model], rows);
+    let told = usual::told(&problem, &once, &model, [&blocks, &alone], [start, &coarse.model], rows);
     if !told.named.is_empty() {
         let ends = [&base.model, &coarse.model].map(|of| of.without_all(&told.places));
         base = base_refitted(&problem, &once, ends.each_ref(), model.total, |_, _| false).0;

@@ -68,7 +68,7 @@ pub(super) fn told(
     problem: &Problem<'_>,
     once: &Problem<'_>,
     model: &Fitted,
-    (blocks, alone_held): (&Blocks, f64),
+    [blocks, base]: [&Blocks; 2],
     [start, alone]: [&Model; 2],
     rows: [usize; 2],
 ) -> Told {
@@ -84,8 +84,7 @@ pub(super) fn told(
             continue;
         }
         let test = Without::of(problem, once, &model, place, [start, &alone.without(place)]);
-        let explained = alone_held - test.blocks.cost();
-        let gated = |fitted| judged(&free, &test.fitted, (&test.blocks, explained), fitted, rows);
+        let gated = |fitted| judged(&free, &test.fitted, [&test.blocks, base], fitted, rows);
         let mut own = gated(as_last);
         let is_needed = || {
             test.shows_need(&model, blocks, place, rows)

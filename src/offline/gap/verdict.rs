@@ -117,6 +117,12 @@ pub(super) fn gaps(
     (0..SIGNALS.len()).filter_map(of).collect()
 }
 
+/// Whether what was named leaves most of a gap in all signals together.
+pub(super) fn closes_little(gap: &[SignalGap]) -> bool {
+    let sum = |which: usize| gap.iter().map(|signal| signal.excess()[which]).sum::<f64>();
+    sum(1) > (1.0 - CLOSED) * sum(0)
+}
+
 /// An rms also counts what is slow, which passes do not repeat.
 fn costs_more_than_noise(named: &Named) -> bool {
     named.blocks[1].costs_more_than_noise()
@@ -232,6 +238,24 @@ pub(super) fn verdict(named: &Named, gap: &[SignalGap], has_rest: bool) -> Verdi
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_is_left_of_one_signal_is_held_against_the_gap_in_all() {
+        let gap = |signals: &[[f64; 2]]| -> Vec<SignalGap> {
+            let of = |[before, after]: &[f64; 2]| SignalGap {
+                signal: "current",
+                unit: "A",
+                file: *before,
+                before: *before,
+                after: *after,
+                floor: 1.0,
+            };
+            signals.iter().map(of).collect()
+        };
+        // A friction that falls, with other events of stick and slip; a friction beside a tool that cuts.
+        assert!(!closes_little(&gap(&[[3.5, 0.5], [8.0, 0.6], [4.2, 2.9]])));
+        assert!(closes_little(&gap(&[[1.6, 1.6], [1.9, 1.6], [3.2, 2.9]])));
+    }
 
     #[test]
     fn names_that_leave_much_of_a_plain_gap_explain_too_little() {
