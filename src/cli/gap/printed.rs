@@ -122,6 +122,7 @@ struct Axis {
 #[derive(Debug, Serialize)]
 struct Refused {
     name: &'static str,
+    parameters: BTreeMap<&'static str, f64>,
     evidence: f64,
     failed: Vec<Gate>,
 }
@@ -195,6 +196,7 @@ impl Printed {
             let [fit, held] = axis.named.rows;
             let refused = axis.named.refused.iter().map(|candidate| Refused {
                 name: candidate.name(),
+                parameters: candidate.values().collect(),
                 evidence: candidate.evidence,
                 failed: candidate.failed.clone(),
             });

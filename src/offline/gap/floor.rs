@@ -6,13 +6,14 @@
 //!
 //! A lap need not be a whole number of rows: between rows the measured columns are taken as straight, and what that
 //! smooths of the noise is put back. Differences of laps lose what drifts slowly with them, so that a slow drift is
-//! no noise. Noise is not everywhere the same: an axis at speed shows the jitter of its latch, one that sticks follows
+//! no noise. Nor is what keeps its frequency ([`super::lines`]). Noise is not everywhere the same: an axis at speed shows the jitter of its latch, one that sticks follows
 //! what shakes it. So each row also has a [`Loudness`]: what passes differ by about it, against the quiet rows. Without
 //! any repeat the floor is the noise of single rows, from their second differences: a lower bound
 //! that knows nothing of slow noise, and is called so.
 //! Units: those of the signal. Invariant: no model takes part.
 
 use super::forward::Signals;
+use super::lines::{lines, without};
 use super::repeats::{Repeat, at};
 use super::runs::Run;
 
@@ -38,6 +39,8 @@ pub struct Noise {
     pub left: f64,
     /// How many times louder than those the usual rows are.
     pub usual: f64,
+    /// Frequencies of what passes differ by that are none of it, Hz.
+    pub lines: Vec<f64>,
 }
 
 /// Which signal of [`Signals`].
@@ -54,16 +57,15 @@ pub fn noise(
 ) -> Option<Noise> {
     let mut lags = vec![0.0; ORDER + 1];
     let (mut rows, mut is_from_repeats) = (0usize, true);
+    let all: Vec<Vec<f64>> =
+        told(repeats, measured, pick).map(|(repeat, signals)| differences(repeat, runs, signals)).collect();
+    // Runs of one analysis have one period.
+    let period_s = runs.first().map_or(1.0, |run| run.period_s);
+    let lines = lines(&all, period_s);
+    let length = ((BLOCK_S / period_s) as usize).max(ORDER + 1);
     let mut blocks: Vec<Vec<f64>> = Vec::new();
-    for repeat in repeats {
-        let [Some(earlier), Some(later)] = repeat.runs.map(|run| measured[run].as_ref().map(pick)) else {
-            continue;
-        };
-        if earlier.is_empty() || later.is_empty() {
-            continue;
-        }
-        let difference = differences(repeat, runs, earlier, later);
-        let length = ((BLOCK_S / runs[repeat.runs[0]].period_s) as usize).max(ORDER + 1);
+    for difference in all {
+        let difference = without(difference, &lines, period_s);
         blocks.extend(difference.chunks_exact(length).map(<[f64]>::to_vec));
     }
     let power = |block: &Vec<f64>| block.iter().map(|value| value * value).sum::<f64>() / block.len() as f64;
@@ -93,7 +95,7 @@ pub fn noise(
     let lags: Vec<f64> = std::iter::once(lags[0] + least2).chain(lags[1..].iter().copied()).collect();
     let (memory, left2) = levinson(&lags);
     let left = left2.sqrt();
-    let mut noise = Noise { rms: lags[0].sqrt(), is_from_repeats, memory, left, usual: 1.0 };
+    let mut noise = Noise { rms: lags[0].sqrt(), is_from_repeats, memory, left, usual: 1.0, lines };
     if is_from_repeats {
         noise.left = left.min(noise.quiet(&blocks)).max(least);
         noise.usual = left / noise.left;
@@ -123,15 +125,11 @@ pub fn loudness(
         .collect();
     // How rough a block is, and its power.
     let mut louder: Vec<[f64; 2]> = Vec::new();
-    for repeat in repeats {
-        let [Some(earlier), Some(later)] = repeat.runs.map(|run| measured[run].as_ref().map(pick)) else {
-            continue;
-        };
-        if earlier.is_empty() || later.is_empty() {
-            continue;
-        }
-        let white = noise.whitened(&differences(repeat, runs, earlier, later));
-        let length = ((BLOCK_S / runs[repeat.runs[0]].period_s) as usize).max(1);
+    for (repeat, signals) in told(repeats, measured, pick) {
+        let period_s = runs[repeat.runs[0]].period_s;
+        let difference = without(differences(repeat, runs, signals), &noise.lines, period_s);
+        let white = noise.whitened(&difference);
+        let length = ((BLOCK_S / period_s) as usize).max(1);
         for (number, block) in white.chunks(length).enumerate() {
             let power = block.iter().map(|value| value * value).sum::<f64>() / block.len() as f64;
             let from = repeat.rows[0] + number * length;
@@ -189,8 +187,21 @@ fn per_roughness(mut blocks: Vec<[f64; 2]>) -> f64 {
     slopes.get(slopes.len() / 2).map_or(0.0, |slope| slope.max(0.0))
 }
 
+/// Repeats of which both passes have a signal, with it.
+fn told<'a>(
+    repeats: &'a [Repeat],
+    measured: &'a [Option<Signals>],
+    pick: Pick,
+) -> impl Iterator<Item = (&'a Repeat, [&'a [f64]; 2])> {
+    repeats.iter().filter_map(move |repeat| {
+        let [earlier, later] = repeat.runs.map(|run| measured[run].as_ref().map(pick));
+        let both = [earlier?, later?];
+        both.iter().all(|signal| !signal.is_empty()).then_some((repeat, both))
+    })
+}
+
 /// What two passes differ by, as the noise of one: mean and slope over the stretch are drift.
-fn differences(repeat: &Repeat, runs: &[Run], earlier: &[f64], later: &[f64]) -> Vec<f64> {
+fn differences(repeat: &Repeat, runs: &[Run], [earlier, later]: [&[f64]; 2]) -> Vec<f64> {
     let share = repeat.shift - repeat.shift.floor();
     let scale = (1.0 + share * share + (1.0 - share) * (1.0 - share)).sqrt().recip();
     let sound = repeat.runs.map(|run| &runs[run].is_sound);
@@ -321,6 +332,23 @@ mod tests {
         let runs = std::slice::from_ref(run);
         let measured = vec![Some(Signals::measured(&run.axes[&AxisId::X]))];
         noise(&repeats(runs), runs, &measured, |signals| &signals.current_a, 0.0).expect("noise")
+    }
+
+    #[test]
+    fn what_keeps_its_frequency_is_no_noise_and_makes_no_row_louder() {
+        let mut run = circle(0.01, 0.5);
+        let current_a = &mut run.axes.get_mut(&AxisId::X).expect("an axis").current_a;
+        for (row, current_a) in current_a.iter_mut().enumerate() {
+            *current_a += 0.05 * (TAU * 19.34 * row as f64 * PERIOD_S).sin();
+        }
+        let noise = noise_of(&run);
+        assert!((noise.rms / 0.01 - 1.0).abs() < 0.1, "{noise:?}");
+        let runs = std::slice::from_ref(&run);
+        let measured = [Some(Signals::measured(&run.axes[&AxisId::X]))];
+        let pick: Pick = |signals| &signals.current_a;
+        let loudness = &loudness(&repeats(runs), runs, &measured, pick, &noise)[0];
+        let mean = loudness.iter().sum::<f64>() / loudness.len() as f64;
+        assert!(mean < 1.2, "{mean}");
     }
 
     #[test]

@@ -14,7 +14,7 @@ use super::blocks::Blocks;
 use super::fit::{Effort, Fitted, fit};
 use super::judged;
 use super::linear::{Linear, Loss, residuals};
-use super::model::Model;
+use super::model::{Model, Tried};
 use super::problem::{Part, Problem};
 use super::refit::{ITERATIONS, is_far, scale};
 use crate::plant::effects::{CATALOGUE, Entry, Experiment, Parameter};
@@ -62,6 +62,12 @@ impl Candidate {
     /// Name of the effect that it adds, whichever law of it.
     pub fn name(&self) -> &'static str {
         self.fitted.model.effects.last().map_or("", |tried| tried.entry.effect())
+    }
+
+    /// Keys and values of that effect.
+    pub fn values(&self) -> impl Iterator<Item = (&'static str, f64)> {
+        let keyed = |tried: &Tried| tried.entry.parameters.iter().map(|one| one.key).zip(tried.values);
+        self.fitted.model.effects.last().into_iter().flat_map(keyed)
     }
 
     /// Whether it explains what there is, and only its values are not what such an effect has.

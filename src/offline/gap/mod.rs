@@ -37,6 +37,7 @@ mod held;
 pub mod intake;
 pub mod judged;
 pub mod limits;
+mod lines;
 pub mod linear;
 pub mod locate;
 pub mod logged;

@@ -167,7 +167,7 @@ fn most_plain(mut peaks: Vec<(f64, f64)>) -> Vec<f64> {
 }
 
 /// Power of all, line by line, up to half of the rate; nothing where there are none.
-fn power(sums: &[&[f64]]) -> Option<Vec<f64>> {
+pub(super) fn power(sums: &[&[f64]]) -> Option<Vec<f64>> {
     let longest = sums.iter().map(|sums| sums.len()).max()?;
     let length = (2 * longest).next_power_of_two();
     let transform = FftPlanner::new().plan_fft_forward(length);
@@ -215,7 +215,8 @@ fn in_step(hz: f64, runs: &[(f64, &Vec<Vec<f64>>)], period_s: f64, session_s: f6
     hz + offs_hz.max_by(|a, b| power(*a).total_cmp(&power(*b))).unwrap_or(0.0)
 }
 
-fn tops(power: &[f64], step: f64, range: [f64; 2]) -> Vec<(f64, f64)> {
+/// Lines of a spectrum with so much between them that stand out within a range, and how many times the median about them they are.
+pub(super) fn tops(power: &[f64], step: f64, range: [f64; 2]) -> Vec<(f64, f64)> {
     let last = power.len() - 2;
     let [low, high] = range.map(|frequency| ((frequency / step) as usize).clamp(1, last));
     (low..=high)
