@@ -166,9 +166,9 @@ pub fn name<'m>(
         let mut candidates = Vec::new();
         let is_first = effects.is_empty();
         // It is fitted to the bottom when it has been chosen. What comes beside what was named goes on from there: that tells which
-        // valley it is.
+        // valley it is, unless it left much.
         let refit = |model: &Model| {
-            if is_first {
+            if is_first || louder.is_some() {
                 coarsely_from(search, searched, model, start)
             } else {
                 fit(search, &ended(searched, model), Effort::Coarse(ITERATIONS[0]), None)
