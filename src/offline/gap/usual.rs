@@ -19,7 +19,7 @@ use super::linear::{BLOCK_S, Linear, Loss, Steps, residuals};
 use super::model::{Model, Tried};
 use super::name::NamedEffect;
 use super::near::{margin, weighed};
-use super::problem::{Part, Problem, Residual};
+use super::problem::{Part, Problem};
 use super::refit::ITERATIONS;
 use super::without::Without;
 use crate::base::units::{Position, Velocity};
@@ -176,33 +176,51 @@ fn of_the_spring(mut fitted: Fitted) -> Fitted {
 
 /// A model fitted with what no data tell from one of its effects in the place of that, as large as makes up for it.
 fn aliases(problem: &Problem<'_>, model: &Model, place: usize) -> Vec<Fitted> {
-    let without = model.without(place);
-    let left = residuals(problem, &without, Part::Fit);
-    let fitted = |entry: &'static Entry| {
-        let mut values = entry.nominal();
-        let tried = residuals(problem, &without.with(Tried { entry, values }), Part::Fit);
-        values[0] *= share(&left, &tried);
-        fit(problem, &without.with(Tried { entry, values }), Effort::Coarse(ITERATIONS[0]), None)
-    };
-    model.effects[place].entry.aliases.iter().filter_map(|name| entry(name)).map(fitted).collect()
+    let others = model.effects[place].entry.aliases.iter().filter_map(|name| entry(name));
+    let alike = others.filter_map(|other| with_alias(model, place, other));
+    alike.map(|other| fit(problem, &other, Effort::Coarse(ITERATIONS[0]), None)).collect()
 }
 
-/// Which share of a trial leaves the least; rows far off are events of stick and slip, and count for less.
-fn share(left: &[Residual], tried: &[Residual]) -> f64 {
-    let rows = |all: &[Residual]| all.iter().flatten().flatten().copied().collect::<Vec<f64>>();
-    let (mut crossed, mut squared) = (0.0, 0.0);
-    for (left, tried) in rows(left).into_iter().zip(rows(tried)) {
-        let (column, weight) = (tried - left, Loss::LAST.weight(left));
-        crossed -= weight * column * left;
-        squared += weight * column * column;
-    }
-    if squared > 0.0 { crossed / squared } else { 0.0 }
+/// A model with another effect in the place of one, as large as makes friction differ by as much between both ways.
+fn with_alias(model: &Model, place: usize, other: &'static Entry) -> Option<Model> {
+    let without = model.without(place);
+    let uneven_n = |model: &Model| {
+        let plant = model.twin().plant;
+        let velocity = plant.friction.fall_end * 2.0;
+        let [there, back] =
+            [velocity, -velocity].map(|velocity| steady_force(&plant, velocity, Position::ZERO));
+        (there + back).as_n()
+    };
+    let values = other.nominal();
+    let usual = without.with(Tried { entry: other, values });
+    let [own_n, usual_n] = [model, &usual].map(|model| uneven_n(model) - uneven_n(&without));
+    let share = own_n / usual_n;
+    share.is_finite().then(|| {
+        let mut values = values;
+        values[0] *= share;
+        without.with(Tried { entry: other, values })
+    })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::plant::tests::paper_axis;
+
+    #[test]
+    fn a_force_and_a_friction_that_differs_by_direction_are_as_large_as_each_other() {
+        let asymmetry = entry("direction-asymmetry").expect("an effect");
+        let alone = Model::new(paper_axis());
+        for force_n in [146.0, -20.0] {
+            let force =
+                Tried { entry: entry("constant-force").expect("an effect"), values: [force_n, 0.0, 0.0] };
+            let other = with_alias(&alone.with(force), 0, asymmetry).expect("an asymmetry");
+            assert_eq!(other.effects.len(), 1);
+            let share = -force_n / paper_axis().friction.sliding.as_n();
+            let found = 1e-2 * other.effects[0].values[0];
+            assert!((found / share - 1.0).abs() < 1e-2, "{found} for {force_n} N, not {share}");
+        }
+    }
 
     #[test]
     fn what_two_laws_of_friction_may_differ_by_is_not_to_be_named() {
