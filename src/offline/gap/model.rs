@@ -89,19 +89,32 @@ impl Model {
     /// The same with what a table scale cannot tell from its last effect in that one's place: an encoder that swings once a turn and a
     /// screw that does, the other way round, for loops follow their encoder. Nothing where there is none, or it is there beside it.
     pub fn with_last_as_its_twin(&self) -> Option<Self> {
-        let last = self.effects.last()?;
+        let twin = self.twin_of(self.effects.last()?)?;
+        let is_there = self.effects.iter().any(|tried| tried.entry.name == twin.entry.name);
+        (!is_there).then(|| self.without(self.effects.len() - 1).with(twin))
+    }
+
+    fn twin_of(&self, tried: &Tried) -> Option<Tried> {
         let lead_mm = 1e3 * self.nominal.mechanics.lead_m;
-        let [size, second, third] = last.values;
-        let (name, values) = match last.entry.name {
+        let [size, second, third] = tried.values;
+        let (name, values) = match tried.entry.name {
             "encoder-eccentricity" => ("pitch-error", [size, lead_mm, wrapped(second + 180.0)]),
             "pitch-error" if (second / lead_mm - 1.0).abs() < ONCE_A_TURN => {
                 ("encoder-eccentricity", [size, wrapped(third + 180.0), 0.0])
             }
             _ => return None,
         };
-        let is_there = self.effects.iter().any(|tried| tried.entry.name == name);
-        let twin = Tried { entry: entry(name)?, values };
-        (!is_there).then(|| self.without(self.effects.len() - 1).with(twin))
+        Some(Tried { entry: entry(name)?, values })
+    }
+
+    /// Whether it has the twin of an effect: the two beside each other are one, in shares that chance makes.
+    pub(super) fn has_twin_of(&self, tried: &Tried) -> bool {
+        let twin = self.twin_of(tried);
+        twin.is_some_and(|twin| {
+            // A pitch error of another period is none.
+            let is_it = |own: &Tried| own.entry.name == twin.entry.name && self.twin_of(own).is_some();
+            self.effects.iter().any(is_it)
+        })
     }
 
     /// What it is simulated with.
@@ -256,6 +269,14 @@ mod tests {
         assert_eq!(of("pitch-error", screw.1), Some(("encoder-eccentricity", [2.0, 40.0, 0.0])));
         assert_eq!(of("pitch-error", [2.0, 10.2, 0.0]), None, "a period of its own");
         assert_eq!(of("backlash", [2.0, 0.0, 0.0]), None);
+        let beside = |values, name: &str, other: [f64; 3]| {
+            let [own, other] = [("pitch-error", values), (name, other)]
+                .map(|(name, values)| Tried { entry: entry(name).expect("an effect"), values });
+            Model::new(paper_axis()).with(own).has_twin_of(&other)
+        };
+        assert!(beside(screw.1, "encoder-eccentricity", [1.0, 0.0, 0.0]));
+        assert!(!beside([2.0, 37.0, 0.0], "encoder-eccentricity", [1.0, 0.0, 0.0]), "a period of its own");
+        assert!(!beside(screw.1, "backlash", [1.0, 0.0, 0.0]));
         let both = ["pitch-error", "encoder-eccentricity"].map(|name| entry(name).expect("an effect"));
         let beside = both.iter().fold(Model::new(paper_axis()), |model, entry| {
             model.with(Tried { entry, values: [1.0, 60.0, 0.0] })

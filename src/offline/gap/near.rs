@@ -28,11 +28,13 @@ pub(super) fn is_alias(name: &str, other: &str) -> bool {
     })
 }
 
-/// A class with how probable each member is. Tempered: what is near a tie is to be told as one.
+/// A class with how probable each member is. Tempered: what is near a tie is to be told as one, and what no data tell from the best is as
+/// probable as that, wherever its fit ended.
 pub(super) fn weighed(class: Vec<Candidate>, margin: f64) -> Vec<(Candidate, f64)> {
-    let best = class[0].evidence;
-    let weights: Vec<f64> =
-        class.iter().map(|one| (0.5 * (one.evidence - best).min(0.0) / margin).exp()).collect();
+    let (best, name) = (class[0].evidence, class[0].name());
+    let behind =
+        |one: &Candidate| if is_alias(name, one.name()) { 0.0 } else { (best - one.evidence).max(0.0) };
+    let weights: Vec<f64> = class.iter().map(|one| (-0.5 * behind(one) / margin).exp()).collect();
     let all: f64 = weights.iter().sum();
     class.into_iter().zip(weights.iter().map(|weight| weight / all)).collect()
 }
@@ -81,7 +83,8 @@ impl Near {
             behind: behind(end),
             failed: Vec::new(),
         });
-        Self { class: ends.into_iter().map(|(candidate, _)| candidate).collect(), model, told_apart }
+        let at_its_bottom = |(candidate, fitted)| Candidate { fitted, ..candidate };
+        Self { class: ends.into_iter().map(at_its_bottom).collect(), model, told_apart }
     }
 }
 
@@ -100,6 +103,17 @@ mod tests {
         let model = Model::new(paper_axis()).with(tried);
         let fitted = Fitted { model, cost: left, total: left, covariance: DMatrix::identity(1, 1) };
         Candidate { fitted, held: 0.0, evidence: 90_000.0 - left, failed: Vec::new() }
+    }
+
+    #[test]
+    fn what_no_data_tell_apart_is_as_probable_as_the_best() {
+        let weights = |names: [&str; 2]| {
+            let class = vec![candidate(names[0], 10_000.0), candidate(names[1], 11_000.0)];
+            [0, 1].map(|place| weighed(class.clone(), 100.0)[place].1)
+        };
+        assert_eq!(weights(["constant-force", "direction-asymmetry"]), [0.5, 0.5]);
+        let [best, other] = weights(["backlash", "soft-zone"]);
+        assert!(best > 0.99 && other > 0.0, "{best}, {other}");
     }
 
     #[test]

@@ -134,6 +134,7 @@ pub fn shortlist(problem: &Problem<'_>, here: &Linear, peaks: &dyn Fn(&Parameter
         .iter()
         .filter(|entry| !has(entry.name) && !is_further(entry) && shows(entry))
         .flat_map(|entry| seeds(entry, peaks).into_iter().map(move |values| (entry, values)))
+        .filter(|(entry, values)| !model.has_twin_of(&Tried { entry, values: *values }))
         .collect();
     let equations = here.normal(usize::MAX, LOSS).with_beliefs(model);
     let mut curvature = equations.curvature.clone();
