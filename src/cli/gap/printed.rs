@@ -18,6 +18,7 @@ use crate::offline::gap::rest::{Rest, Shows};
 use crate::offline::gap::runs::Run;
 use crate::offline::gap::shortlist::Smallest;
 use crate::offline::gap::verdict::{SignalGap, Verdict};
+use crate::offline::gap::zeros::Zeros;
 use crate::offline::report::gap::NamedRow;
 
 /// Columns of a terminal.
@@ -117,6 +118,8 @@ struct Axis {
     velocity_estimate_filed: Option<&'static str>,
     /// Whether the noise of each signal is known from repeats; otherwise it is a lower bound.
     is_floor_from_repeats: BTreeMap<&'static str, bool>,
+    /// Whether all runs have one zero of the table scale, or each its own; nothing where there is no scale.
+    table_zeros: Option<Zeros>,
 }
 
 #[derive(Debug, Serialize)]
@@ -236,6 +239,7 @@ impl Printed {
                     .zip(&axis.problem.noises)
                     .filter_map(|((signal, ..), noise)| Some((*signal, noise.as_ref()?.is_from_repeats)))
                     .collect(),
+                table_zeros: axis.problem.has_table().then(|| axis.problem.zeros()),
             };
             (name(axis), printed)
         });

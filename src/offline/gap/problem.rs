@@ -215,7 +215,7 @@ impl<'m> Problem<'m> {
     }
 
     /// Whether its table is seen.
-    pub(super) const fn has_table(&self) -> bool {
+    pub const fn has_table(&self) -> bool {
         self.noises[DEFLECTION].is_some()
     }
 
