@@ -6,7 +6,7 @@
 //!
 //! A lap need not be a whole number of rows: between rows the measured columns are taken as straight, and what that
 //! smooths of the noise is put back. Differences of laps lose what drifts slowly with them, so that a slow drift is
-//! no noise. Nor is what keeps its frequency ([`super::lines`]). Noise is not everywhere the same: an axis at speed shows the jitter of its latch, one that sticks follows
+//! no noise. Nor is what keeps its frequency (`lines`). Noise is not everywhere the same: an axis at speed shows the jitter of its latch, one that sticks follows
 //! what shakes it. So each row also has a [`Loudness`]: what passes differ by about it, against the quiet rows. Without
 //! any repeat the floor is the noise of single rows, from their second differences: a lower bound
 //! that knows nothing of slow noise, and is called so.
