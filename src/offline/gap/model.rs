@@ -109,12 +109,9 @@ impl Model {
 
     /// Whether it has the twin of an effect: the two beside each other are one, in shares that chance makes.
     pub(super) fn has_twin_of(&self, tried: &Tried) -> bool {
-        let twin = self.twin_of(tried);
-        twin.is_some_and(|twin| {
-            // A pitch error of another period is none.
-            let is_it = |own: &Tried| own.entry.name == twin.entry.name && self.twin_of(own).is_some();
-            self.effects.iter().any(is_it)
-        })
+        // A pitch error of another period is no twin, and has none.
+        let is_twin = |twin: Tried| twin.entry.name == tried.entry.name;
+        self.twin_of(tried).is_some() && self.effects.iter().any(|own| self.twin_of(own).is_some_and(is_twin))
     }
 
     /// What it is simulated with.
@@ -166,7 +163,7 @@ impl Model {
 
     /// Coordinates of the base that are as far from the file as they may be.
     pub fn at_reach(&self) -> impl Iterator<Item = usize> {
-        (0..BASE.len()).filter(|place| BASE[*place].reach.contains(&self.base[*place]))
+        (0..BASE.len()).filter(|place| BASE[*place].is_at_reach(self.base[*place]))
     }
 
     /// All coordinates.

@@ -38,12 +38,23 @@ pub struct Base {
     /// Whether it is added to what there is: a zero, which is of a recording and of no machine.
     pub is_zero: bool,
     /// How far a machine is from its file at most, in priors: further off it is another machine, or it is an effect.
-    pub reach: [f64; 2],
+    reach: [f64; 2],
     get: fn(&Twin) -> f64,
     set: fn(&mut Twin, f64),
 }
 
 impl Base {
+    /// A parameter of a machine file, as far from it as files usually are.
+    const fn filed(
+        name: &'static str,
+        unit: &'static str,
+        prior: f64,
+        get: fn(&Twin) -> f64,
+        set: fn(&mut Twin, f64),
+    ) -> Self {
+        Self { name, unit, prior, is_zero: false, reach: [-6.0, 6.0], get, set }
+    }
+
     /// Its value.
     pub fn of(&self, twin: &Twin) -> f64 {
         (self.get)(twin)
@@ -67,131 +78,111 @@ impl Base {
         let [low, high] = self.reach;
         coordinate.clamp(low, high)
     }
+
+    /// Whether a coordinate is as far from the file as it may be.
+    pub fn is_at_reach(&self, coordinate: f64) -> bool {
+        self.reach.contains(&coordinate)
+    }
 }
 
 /// The base parameters, in the order of the coordinates.
 pub const BASE: [Base; 12] = [
-    Base {
-        name: "mass",
-        unit: "kg",
-        prior: 0.25,
-        is_zero: false,
-        reach: [-6.0, 6.0],
-        get: |twin| twin.plant.mechanics.mass_kg,
-        set: |twin, value| twin.plant.mechanics.mass_kg = value,
-    },
-    Base {
-        name: "motor_inertia",
-        unit: "kg m2",
-        prior: 0.25,
-        is_zero: false,
-        reach: [-6.0, 6.0],
-        get: |twin| twin.plant.mechanics.inertia_kg_m2,
-        set: |twin, value| twin.plant.mechanics.inertia_kg_m2 = value,
-    },
-    Base {
-        name: "stiffness",
-        unit: "N/m",
-        prior: 0.25,
-        is_zero: false,
-        reach: [-6.0, 6.0],
-        get: |twin| twin.plant.mechanics.stiffness_n_per_m,
-        set: |twin, value| twin.plant.mechanics.stiffness_n_per_m = value,
-    },
-    Base {
-        name: "damping",
-        unit: "N s/m",
-        prior: 0.5,
-        is_zero: false,
-        reach: [-6.0, 6.0],
-        get: |twin| twin.plant.mechanics.damping_n_s_per_m,
-        set: |twin, value| twin.plant.mechanics.damping_n_s_per_m = value,
-    },
-    Base {
-        name: "sliding",
-        unit: "N",
-        prior: 0.25,
-        is_zero: false,
-        reach: [-6.0, 6.0],
-        get: |twin| twin.plant.friction.sliding.as_n(),
-        set: |twin, value| {
+    Base::filed(
+        "mass",
+        "kg",
+        0.25,
+        |twin| twin.plant.mechanics.mass_kg,
+        |twin, value| twin.plant.mechanics.mass_kg = value,
+    ),
+    Base::filed(
+        "motor_inertia",
+        "kg m2",
+        0.25,
+        |twin| twin.plant.mechanics.inertia_kg_m2,
+        |twin, value| twin.plant.mechanics.inertia_kg_m2 = value,
+    ),
+    Base::filed(
+        "stiffness",
+        "N/m",
+        0.25,
+        |twin| twin.plant.mechanics.stiffness_n_per_m,
+        |twin, value| twin.plant.mechanics.stiffness_n_per_m = value,
+    ),
+    Base::filed(
+        "damping",
+        "N s/m",
+        0.5,
+        |twin| twin.plant.mechanics.damping_n_s_per_m,
+        |twin, value| twin.plant.mechanics.damping_n_s_per_m = value,
+    ),
+    Base::filed(
+        "sliding",
+        "N",
+        0.25,
+        |twin| twin.plant.friction.sliding.as_n(),
+        |twin, value| {
             let excess = twin.plant.friction.breakaway / twin.plant.friction.sliding;
             twin.plant.friction.sliding = Force::n(value);
             twin.plant.friction.breakaway = Force::n(value * excess);
         },
-    },
-    Base {
-        name: "breakaway_excess",
-        unit: "N",
-        prior: 0.5,
-        is_zero: false,
-        reach: [-6.0, 6.0],
-        get: |twin| (twin.plant.friction.breakaway - twin.plant.friction.sliding).as_n(),
-        set: |twin, value| {
-            twin.plant.friction.breakaway = Force::n(twin.plant.friction.sliding.as_n() + value)
-        },
-    },
-    Base {
-        name: "fall_end",
-        unit: "mm/s",
-        prior: 0.5,
-        is_zero: false,
-        reach: [-6.0, 6.0],
-        get: |twin| twin.plant.friction.fall_end.as_mm_per_s(),
-        set: |twin, value| {
+    ),
+    Base::filed(
+        "breakaway_excess",
+        "N",
+        0.5,
+        |twin| (twin.plant.friction.breakaway - twin.plant.friction.sliding).as_n(),
+        |twin, value| twin.plant.friction.breakaway = Force::n(twin.plant.friction.sliding.as_n() + value),
+    ),
+    Base::filed(
+        "fall_end",
+        "mm/s",
+        0.5,
+        |twin| twin.plant.friction.fall_end.as_mm_per_s(),
+        |twin, value| {
             let share =
                 twin.plant.friction.fall_start.as_mm_per_s() / twin.plant.friction.fall_end.as_mm_per_s();
             twin.plant.friction.fall_end = Velocity::mm_per_s(value);
             twin.plant.friction.fall_start = Velocity::mm_per_s(value * share);
         },
-    },
-    Base {
-        name: "fall_start",
-        unit: "mm/s",
-        prior: 0.5,
-        is_zero: false,
-        reach: [-6.0, 6.0],
-        get: |twin| twin.plant.friction.fall_start.as_mm_per_s(),
-        set: |twin, value| {
+    ),
+    Base::filed(
+        "fall_start",
+        "mm/s",
+        0.5,
+        |twin| twin.plant.friction.fall_start.as_mm_per_s(),
+        |twin, value| {
             twin.plant.friction.fall_start =
                 Velocity::mm_per_s(value.min(0.95 * twin.plant.friction.fall_end.as_mm_per_s()));
         },
-    },
+    ),
+    Base::filed(
+        "viscous",
+        "N s/m",
+        0.25,
+        |twin| twin.plant.friction.viscous_n_s_per_m,
+        |twin, value| twin.plant.friction.viscous_n_s_per_m = value,
+    ),
     Base {
-        name: "viscous",
-        unit: "N s/m",
-        prior: 0.25,
-        is_zero: false,
-        reach: [-6.0, 6.0],
-        get: |twin| twin.plant.friction.viscous_n_s_per_m,
-        set: |twin, value| twin.plant.friction.viscous_n_s_per_m = value,
-    },
-    Base {
-        name: "current_loop",
-        unit: "Hz",
-        prior: 0.05,
-        is_zero: false,
         // Slower than that it is `current-loop-lag` or `actuator-delay`.
         reach: [-1.0, 2.0],
-        get: |twin| twin.plant.actuator.current_loop_hz,
-        set: |twin, value| twin.plant.actuator.current_loop_hz = value,
+        ..Base::filed(
+            "current_loop",
+            "Hz",
+            0.05,
+            |twin| twin.plant.actuator.current_loop_hz,
+            |twin, value| twin.plant.actuator.current_loop_hz = value,
+        )
     },
+    Base::filed("current_gain", "", 0.1, |twin| twin.current_gain, |twin, value| twin.current_gain = value),
     Base {
-        name: "current_gain",
-        unit: "",
-        prior: 0.1,
-        is_zero: false,
-        reach: [-6.0, 6.0],
-        get: |twin| twin.current_gain,
-        set: |twin, value| twin.current_gain = value,
-    },
-    Base {
-        name: "table_zero",
-        unit: "m",
-        prior: 1e-5,
         is_zero: true,
         reach: [f64::NEG_INFINITY, f64::INFINITY],
-        get: |twin| twin.table_zero_m,
-        set: |twin, value| twin.table_zero_m = value,
+        ..Base::filed(
+            "table_zero",
+            "m",
+            1e-5,
+            |twin| twin.table_zero_m,
+            |twin, value| twin.table_zero_m = value,
+        )
     },
 ];
