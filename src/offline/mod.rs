@@ -27,6 +27,7 @@ pub mod playback;
 pub mod recorded;
 pub mod replay;
 pub mod report;
+mod median;
 mod running_mean;
 pub mod simulated;
 pub mod trace;

@@ -16,6 +16,7 @@ use super::forward::Signals;
 use super::lines::{lines, without};
 use super::repeats::{Repeat, at};
 use super::runs::Run;
+use crate::offline::median::median;
 
 /// Stick and slip come at other moments in each pass. Blocks of this length whose power is so many times the usual
 /// hold such an event and are no noise. s.
@@ -70,8 +71,7 @@ pub fn noise(
     }
     let power = |block: &Vec<f64>| block.iter().map(|value| value * value).sum::<f64>() / block.len() as f64;
     let mut powers: Vec<f64> = blocks.iter().map(power).collect();
-    powers.sort_by(f64::total_cmp);
-    let usual = powers.get(powers.len() / 2).copied().unwrap_or(0.0);
+    let usual = median(&mut powers).unwrap_or(0.0);
     for block in blocks.iter().filter(|block| power(block) <= EVENT * usual) {
         add_lags(block, &mut lags);
         rows += block.len();
@@ -166,9 +166,8 @@ fn second_squares(signal: &[f64]) -> Vec<f64> {
 
 /// Power of most rows, by their squares: single jumps are none of it.
 fn usual_power(mut squares: Vec<f64>) -> Option<f64> {
-    let middle = squares.len() / 2;
-    // The median of a squared normal is 0.455.
-    (!squares.is_empty()).then(|| *squares.select_nth_unstable_by(middle, f64::total_cmp).1 / 0.455)
+    // That of a squared normal is 0.455.
+    median(&mut squares).map(|median| median / 0.455)
 }
 
 fn mean<'v>(values: impl ExactSizeIterator<Item = &'v f64>) -> f64 {
@@ -183,8 +182,7 @@ fn per_roughness(mut blocks: Vec<[f64; 2]>) -> f64 {
     blocks.truncate(blocks.len().div_ceil(2));
     let mut slopes: Vec<f64> =
         blocks.iter().filter(|[rough, _]| *rough > 0.0).map(|[rough, power]| (power - 1.0) / rough).collect();
-    slopes.sort_by(f64::total_cmp);
-    slopes.get(slopes.len() / 2).map_or(0.0, |slope| slope.max(0.0))
+    median(&mut slopes).map_or(0.0, |slope| slope.max(0.0))
 }
 
 /// Repeats of which both passes have a signal, with it.

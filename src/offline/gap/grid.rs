@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 use super::intake::SHORTEST_S;
 use super::runs::{AxisRun, Run, RunError};
 use crate::base::axis::AxisId;
+use crate::offline::median::median;
 
 /// Rows missing in a row that are filled in.
 const FILLED_MAX: usize = 20;
@@ -40,11 +41,9 @@ impl Grid {
         )?;
         order.sort_by(|a, b| time_s[*a].total_cmp(&time_s[*b]));
         let mut steps: Vec<f64> = order.windows(2).map(|pair| time_s[pair[1]] - time_s[pair[0]]).collect();
-        if steps.is_empty() {
+        let Some(found_s) = median(&mut steps) else {
             return Err(RunError::TooShort { run: run.to_owned(), length_s: 0.0 });
-        }
-        let middle = steps.len() / 2;
-        let found_s = *steps.select_nth_unstable_by(middle, f64::total_cmp).1;
+        };
         // A jittering clock moves single rows; the middle of all steps stays.
         if (found_s / wanted_s - 1.0).abs() > 0.1 {
             let (found_us, wanted_us) = (1e6 * found_s, 1e6 * wanted_s);

@@ -15,6 +15,7 @@ use rustfft::FftPlanner;
 use super::forward::Signals;
 use super::model::Model;
 use super::problem::{AxisData, Part, Problem};
+use crate::offline::median::median;
 use crate::plant::effects::Parameter;
 
 /// Peaks that are tried.
@@ -224,9 +225,8 @@ pub(super) fn tops(power: &[f64], step: f64, range: [f64; 2]) -> Vec<(f64, f64)>
         .map(|line| {
             let reach = ((ABOUT.0 * line as f64) as usize).clamp(ABOUT.1[0], ABOUT.1[1]);
             let mut about = power[line.saturating_sub(reach)..(line + reach).min(power.len())].to_vec();
-            let middle = about.len() / 2;
-            let median = *about.select_nth_unstable_by(middle, f64::total_cmp).1;
-            (line, power[line] / median.max(f64::MIN_POSITIVE))
+            let usual = median(&mut about).unwrap_or(0.0);
+            (line, power[line] / usual.max(f64::MIN_POSITIVE))
         })
         .filter(|(_, ratio)| *ratio > ABOVE)
         .map(|(line, ratio)| (line as f64 * step, ratio))

@@ -18,6 +18,7 @@ use super::model::Model;
 use super::problem::{AxisData, DEFLECTION, Part, Problem, Residual, SIGNALS};
 use super::refit::coarsely;
 use super::usual;
+use crate::offline::median::median;
 
 /// Runs whose deflections are further apart have no zero in common, m: ten times as far as a drive could push a screw.
 const APART_M: f64 = 1e-4;
@@ -50,11 +51,9 @@ pub(super) fn about_zero(mut data: Vec<AxisData>) -> (Vec<AxisData>, Zeros) {
     (data, zeros)
 }
 
-/// The value that as many are below as above; zero of none.
+/// The median; zero of none.
 fn middle(values: &[f64]) -> f64 {
-    let mut values = values.to_vec();
-    let half = values.len() / 2;
-    if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(half, f64::total_cmp).1 }
+    median(&mut values.to_vec()).unwrap_or(0.0)
 }
 
 /// What is left of the deflection of a run, from a zero of its own. Rows in which a slip comes a moment later say little of where that is.

@@ -22,6 +22,7 @@ use super::least_squares::{FitError, student95};
 use super::measured::Measured;
 use super::ripple::Ripple;
 use super::stretches::Stretch;
+use crate::offline::median::median;
 
 /// Rows so long, s, count as one value of their stretch: the filter makes neighbours alike.
 const BLOCK_S: f64 = 0.02;
@@ -127,8 +128,7 @@ pub fn fit(points: &[SteadyPoint], slowest_m_per_s: f64) -> Result<Sliding, FitE
     let fast: Vec<_> =
         points.iter().filter(|point| point.velocity_m_per_s.abs() >= slowest_m_per_s).collect();
     let mut scatters_n: Vec<f64> = fast.iter().map(|point| point.scatter_n).collect();
-    scatters_n.sort_by(f64::total_cmp);
-    let quiet_n = CHATTERS * scatters_n.get(scatters_n.len() / 2).copied().unwrap_or(0.0);
+    let quiet_n = CHATTERS * median(&mut scatters_n).unwrap_or(0.0);
     let slides: Vec<_> = fast.into_iter().filter(|point| point.scatter_n <= quiet_n).collect();
     let of_turns: Vec<_> = slides.iter().copied().filter(|point| point.is_of_turns).collect();
     through(&of_turns).or_else(|_| through(&slides))
