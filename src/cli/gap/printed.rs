@@ -17,7 +17,7 @@ use crate::offline::gap::problem::SIGNALS;
 use crate::offline::gap::rest::{Rest, Shows};
 use crate::offline::gap::runs::Run;
 use crate::offline::gap::shortlist::Smallest;
-use crate::offline::gap::verdict::{SignalGap, Verdict};
+use crate::offline::gap::verdict::{SignalGap, Verdict, excess_of_all};
 use crate::offline::gap::zeros::Zeros;
 use crate::offline::report::gap::NamedRow;
 
@@ -146,7 +146,6 @@ impl Printed {
             floor: BTreeMap::new(),
             heldout_closed_fraction: 1.0,
         };
-        let (mut before, mut after) = (0.0, 0.0);
         for axis in &analysis.axes {
             for signal in &axis.gap {
                 let key = format!(
@@ -158,11 +157,9 @@ impl Printed {
                 gap.before.insert(key.clone(), signal.before);
                 gap.after.insert(key.clone(), signal.after);
                 gap.floor.insert(key, signal.floor);
-                let [more, left] = signal.excess();
-                before += more;
-                after += left;
             }
         }
+        let [before, after] = excess_of_all(analysis.axes.iter().flat_map(|axis| &axis.gap));
         if before > 0.0 {
             gap.heldout_closed_fraction = 1.0 - after / before;
         }

@@ -22,9 +22,12 @@ const OF_CHANCE: f64 = 0.05;
 /// Share of a fall that is most of it.
 const MOST: f64 = 0.5;
 
-/// Cost of the rows that were not fitted: block by block and signal by signal, and how many values count in each.
+/// Of each signal the cost of some rows, and how many values count.
+type Block = [(f64, usize); SIGNALS.len()];
+
+/// Cost of the rows that were not fitted, block by block.
 #[derive(Clone, Debug)]
-pub(super) struct Blocks(Vec<[(f64, usize); SIGNALS.len()]>);
+pub(super) struct Blocks(Vec<Block>);
 
 impl Blocks {
     pub(super) fn new(problem: &Problem<'_>, model: &Model) -> Self {
@@ -33,7 +36,7 @@ impl Blocks {
         for residual in residuals(problem, model, Part::Held) {
             let rows = residual.iter().map(Vec::len).max().unwrap_or(0);
             for from in (0..rows).step_by(length) {
-                let mut block = [(0.0, 0); SIGNALS.len()];
+                let mut block = Block::default();
                 for ((cost, count), signal) in block.iter_mut().zip(&residual) {
                     let values = || signal.iter().skip(from).take(length).copied();
                     *cost = values().map(|value| Loss::LAST.of(value)).sum();
@@ -64,7 +67,7 @@ impl Blocks {
     /// Whether a signal costs more than noise, which costs one for each value, whatever chance did in a few of its blocks.
     pub(super) fn costs_more_than_noise(&self) -> bool {
         (0..SIGNALS.len()).any(|signal| {
-            let excess = |block: &[(f64, usize); SIGNALS.len()]| block[signal].0 - block[signal].1 as f64;
+            let excess = |block: &Block| block[signal].0 - block[signal].1 as f64;
             let mut excesses: Vec<f64> = self.0.iter().map(excess).collect();
             excesses.sort_by(f64::total_cmp);
             excesses.truncate(excesses.len() - (OF_CHANCE * excesses.len() as f64).ceil() as usize);
@@ -113,7 +116,7 @@ impl Blocks {
 }
 
 /// Of all signals of a block.
-fn cost_of(block: &[(f64, usize); SIGNALS.len()]) -> f64 {
+fn cost_of(block: &Block) -> f64 {
     block.iter().map(|(cost, _)| cost).sum()
 }
 

@@ -28,32 +28,29 @@ const WINDOW_S: f64 = 1.0;
 
 /// Frequencies that stand out of the differences of most passes, Hz, the loudest first.
 pub(super) fn lines(differences: &[Vec<f64>], period_s: f64) -> Vec<f64> {
-    let found = |all: &[&[f64]], least: f64| -> (f64, Vec<(f64, f64)>) {
+    let found = |all: &[&[f64]], least: f64| -> (f64, Vec<f64>) {
         let Some(power) = power(all) else { return (0.0, Vec::new()) };
         let step_hz = 1.0 / (period_s * (2 * power.len()) as f64);
         let mut tops = tops(&power, step_hz, HZ);
         tops.retain(|(_, ratio)| *ratio > least);
         tops.sort_by(|a, b| b.1.total_cmp(&a.1));
-        tops.iter_mut().for_each(|(hz, _)| *hz = between(&power, (*hz / step_hz).round() as usize) * step_hz);
-        (step_hz, tops)
+        let line = |hz: f64| between(&power, (hz / step_hz).round() as usize) * step_hz;
+        (step_hz, tops.into_iter().map(|(hz, _)| line(hz)).collect())
     };
     // Each counts as loud as it is long.
     let scaled: Vec<Vec<f64>> = differences.iter().map(|values| scaled(values)).collect();
     let all: Vec<&[f64]> = scaled.iter().map(Vec::as_slice).collect();
-    let each: Vec<(f64, Vec<(f64, f64)>)> = all.iter().map(|one| found(&[one], LOUD[1])).collect();
-    let rows = |has: &dyn Fn(usize) -> bool| -> usize {
-        (0..all.len()).filter(|one| has(*one)).map(|one| all[one].len()).sum()
-    };
+    let each: Vec<(f64, Vec<f64>)> = all.iter().map(|one| found(&[one], LOUD[1])).collect();
+    let rows: usize = all.iter().map(|one| one.len()).sum();
     let is_in_most = |hz: f64| {
-        let has = |one: usize| {
-            let (step_hz, tops) = &each[one];
-            tops.iter().any(|(other, _)| (other - hz).abs() < SAME * step_hz)
-        };
-        rows(&has) as f64 >= SHARE * rows(&|_| true) as f64
+        let has =
+            |(step_hz, lines): &(f64, Vec<f64>)| lines.iter().any(|line| (line - hz).abs() < SAME * step_hz);
+        let with_it: usize =
+            all.iter().zip(&each).filter(|(_, one)| has(one)).map(|(one, _)| one.len()).sum();
+        with_it as f64 >= SHARE * rows as f64
     };
-    let (_, tops) = found(&all, LOUD[0]);
     let mut lines: Vec<f64> = Vec::new();
-    for (hz, _) in tops {
+    for hz in found(&all, LOUD[0]).1 {
         // What is nearer goes with it.
         let is_new = lines.iter().all(|other| (other - hz).abs() > 1.0 / WINDOW_S);
         if lines.len() < LINES && is_new && is_in_most(hz) {

@@ -117,10 +117,16 @@ pub(super) fn gaps(
     (0..SIGNALS.len()).filter_map(of).collect()
 }
 
+/// Before and after, how much more there is than noise in some signals together, in units of its power.
+pub fn excess_of_all<'g>(gap: impl IntoIterator<Item = &'g SignalGap>) -> [f64; 2] {
+    let add = |[before, after]: [f64; 2], [more, left]: [f64; 2]| [before + more, after + left];
+    gap.into_iter().map(SignalGap::excess).fold([0.0; 2], add)
+}
+
 /// Whether what was named leaves most of a gap in all signals together.
 pub(super) fn closes_little(gap: &[SignalGap]) -> bool {
-    let sum = |which: usize| gap.iter().map(|signal| signal.excess()[which]).sum::<f64>();
-    sum(1) > (1.0 - CLOSED) * sum(0)
+    let [before, after] = excess_of_all(gap);
+    after > (1.0 - CLOSED) * before
 }
 
 /// An rms also counts what is slow, which passes do not repeat.

@@ -84,6 +84,9 @@ impl Problem<'_> {
     /// Whether what a model leaves with one zero for all runs is that they have none in common: a zero for each makes up for it, beside that
     /// model or, where one zero has led it astray, beside a base from `start`.
     pub(super) fn zeros_are_apart(&self, start: &Model, model: &Model) -> bool {
+        if self.zeros() == Zeros::OfEachRun || !self.has_table() {
+            return false;
+        }
         let parts = [Part::Fit, Part::Held];
         let rows = parts.map(|part| self.count(part)).iter().sum::<usize>();
         let cost = |problem: &Self, model: &Model| {
@@ -91,7 +94,7 @@ impl Problem<'_> {
             left.iter().flatten().map(|run| Loss::LAST.sum(run)).sum::<f64>()
         };
         let one = cost(self, model);
-        if self.zeros() == Zeros::OfEachRun || !self.has_table() || one <= PLAIN * rows as f64 {
+        if one <= PLAIN * rows as f64 {
             return false;
         }
         let each = self.with_zeros(Zeros::OfEachRun);
