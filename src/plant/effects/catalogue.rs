@@ -55,6 +55,8 @@ enum Swing {
 /// travel, m.
 const SMALL_STEP: f64 = 0.03;
 const USUAL: (f64, f64, f64) = (100.0, 10.0, 0.1);
+/// Share of a time constant or a width by which a small step moves it: these may be anything over decades.
+const SMALL_SHARE: f64 = 0.1;
 
 impl Parameter {
     /// Where on a period the axis starts.
@@ -111,10 +113,12 @@ impl Parameter {
         self
     }
 
-    /// A step from a value that leaves what swings in step, in its unit; any is small enough where nothing swings.
+    /// A step from a value that leaves what swings in step, and what cannot be nothing as large as it is, in its unit; any is small
+    /// enough elsewhere.
     pub fn small_step(&self, value: f64) -> f64 {
         let (session_s, turns, travel_m) = USUAL;
         match self.swings_over {
+            None if self.bounds[0] > 0.0 => SMALL_SHARE * value,
             None => f64::INFINITY,
             Some(Swing::Time) => SMALL_STEP / session_s,
             Some(Swing::Angle) => SMALL_STEP / turns,
@@ -398,5 +402,12 @@ mod tests {
         }
         let mass = entry("resonance").expect("an effect").parameters[0];
         assert!(mass.small_step(10.0).is_infinite());
+    }
+
+    #[test]
+    fn a_small_step_of_a_time_constant_is_a_share_of_it() {
+        let constant = entry("friction-warm-up").expect("an effect").parameters[1];
+        assert_eq!(constant.small_step(40.0), 4.0);
+        assert_eq!(constant.small_step(3600.0), 360.0);
     }
 }
