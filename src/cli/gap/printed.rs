@@ -72,29 +72,37 @@ struct Gap {
 }
 
 /// Something real that is left without a name, and how it shows.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Default, Serialize)]
 struct Left {
-    signal: &'static str,
+    /// Which shows it.
+    signal: Option<&'static str>,
     /// Over which it comes again.
     coordinate: Option<String>,
     /// At which it sounds.
     frequency_hz: Option<f64>,
     /// In how many runs it pushes at moments of its own, of how many.
     pushed_runs: Option<[usize; 2]>,
+    /// Without which base parameter it would show, and how many times what the file says that is.
+    strained: Option<BTreeMap<&'static str, f64>>,
     #[serde(skip)]
     sentence: String,
 }
 
 impl Left {
     fn new(rest: &Rest) -> Self {
-        let (mut coordinate, mut frequency_hz, mut pushed_runs) = (None, None, None);
-        match rest.shows {
-            Shows::Over(over) => coordinate = Some(over.to_string()),
-            Shows::Tone(tone_hz) => frequency_hz = Some(tone_hz),
-            Shows::Bursts(runs) => pushed_runs = Some(runs),
+        let mut left = Self { sentence: rest.to_string(), ..Self::default() };
+        match *rest {
+            Rest::Strained { parameter, ratio } => left.strained = Some([(parameter, ratio)].into()),
+            Rest::In { signal, shows } => {
+                left.signal = Some(SIGNALS[signal].0);
+                match shows {
+                    Shows::Over(over) => left.coordinate = Some(over.to_string()),
+                    Shows::Tone(tone_hz) => left.frequency_hz = Some(tone_hz),
+                    Shows::Bursts(runs) => left.pushed_runs = Some(runs),
+                }
+            }
         }
-        let signal = SIGNALS[rest.signal].0;
-        Self { signal, coordinate, frequency_hz, pushed_runs, sentence: rest.to_string() }
+        left
     }
 }
 

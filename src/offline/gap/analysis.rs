@@ -200,7 +200,8 @@ fn axis<'m>(
         named.withdraw();
         gap.iter_mut().for_each(|signal| signal.after = signal.before);
     }
-    let rest = shape.or_else(|| bursts(&problem, &named.model.model));
+    let strained = || if named.effects.is_empty() { Rest::strained(&named.base.model) } else { None };
+    let rest = shape.or_else(|| bursts(&problem, &named.model.model)).or_else(strained);
     let verdict = verdict(&named, &gap, rest.is_some());
     let both = locate::both(&problem, &named.base.model, &named.model.model);
     let (located, runs_left) = (locate::located(&problem, &both), locate::runs_left(&problem, &both));

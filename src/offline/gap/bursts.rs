@@ -34,7 +34,7 @@ pub(super) fn bursts(problem: &Problem<'_>, model: &Model) -> Option<Rest> {
         let told: Vec<bool> = pushed.iter().filter_map(|run| run[signal]).collect();
         let count = told.iter().filter(|pushed| **pushed).count();
         let is_of_machine = count >= RUNS.1 && count as f64 >= RUNS.0 * told.len() as f64;
-        is_of_machine.then_some(Rest { signal, shows: Shows::Bursts([count, told.len()]) })
+        is_of_machine.then_some(Rest::In { signal, shows: Shows::Bursts([count, told.len()]) })
     })
 }
 

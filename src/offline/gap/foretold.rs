@@ -93,14 +93,14 @@ fn largest(problem: &Problem<'_>, left: &[Vec<&Residual>; 2]) -> Option<Foretold
     let length = problem.rows_in(BLOCK_S);
     let shape = |(place, signal, over): &(usize, usize, Coordinate)| {
         let gain = sure_sum(&gains(&binned(&runs, *place, *over), length))?;
-        Some(Foretold { gain, rest: Rest { signal: *signal, shows: Shows::Over(*over) } })
+        Some(Foretold { gain, rest: Rest::In { signal: *signal, shows: Shows::Over(*over) } })
     };
     let of_tones = places().flat_map(|(place, signal)| {
         let left: Vec<&[f64]> = runs.iter().filter_map(|run| Some(run.left.get(place)?.as_slice())).collect();
         tones(&left, length, problem.machine.cycle.position_every).into_iter().filter_map(
             move |(line, gains)| {
                 let shows = Shows::Tone(line as f64 / BLOCK_S);
-                Some(Foretold { gain: sure_sum(&gains)?, rest: Rest { signal, shows } })
+                Some(Foretold { gain: sure_sum(&gains)?, rest: Rest::In { signal, shows } })
             },
         )
     });
