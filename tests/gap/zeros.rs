@@ -1,5 +1,5 @@
 //! Promise: a table scale has one zero for all runs wherever that is, and where somebody set it anew between them that is no
-//! effect of the machine.
+//! effect of the machine; nor is a column that was cut off.
 
 use quadrant::offline::gap::linear::{Linear, Steps, residuals};
 use quadrant::offline::gap::twin::BASE;
@@ -43,25 +43,30 @@ fn a_scale_may_show_anything_where_an_axis_begins() {
 fn what_a_zero_changes_is_known_without_a_simulation() {
     let machine = config::load("paper").expect("a machine");
     let runs = three(&machine, &[]);
-    let problem = problem_of(&machine, &runs, &repeats(&runs), AxisId::X, 0, &[0; 3]);
+    let problem = problem_of(&machine, &runs, &repeats(&runs), AxisId::X, 0, &[0; 3]).written_in(5e-6);
     let model = Model::new(machine.axes[AxisId::X].plant);
     let left = || (Part::Fit, residuals(&problem, &model, Part::Fit));
-    let zero = BASE.iter().position(|base| base.is_zero).expect("a scale has one");
     let linear = Linear::new(&problem, &model, left(), None, &Steps::widest(&model));
-    let mut moved = model.coordinates();
-    moved[zero] += 0.5;
-    for (run, other) in linear.runs.iter().zip(residuals(&problem, &model.at(&moved), Part::Fit)) {
-        let column = run.columns[zero].as_ref().expect("the table is seen");
-        let rows = run.residual.iter().flatten().zip(column.iter().flatten()).zip(other.iter().flatten());
-        let most = rows.clone().map(|((_, by), _)| by.abs()).fold(0.0, f64::max);
-        assert!(most > 1.0, "{most}");
-        for ((here, by), there) in rows {
-            assert!((there - here - 0.5 * by).abs() < 1e-6 * most, "{there}, {here}, {by}");
+    for (zero, base) in BASE.iter().enumerate().filter(|(_, base)| base.is_zero()) {
+        let mut moved = model.coordinates();
+        moved[zero] += 0.5;
+        let moved = model.at(&moved);
+        for (run, other) in linear.runs.iter().zip(residuals(&problem, &moved, Part::Fit)) {
+            let column = run.columns[zero].as_ref().expect(base.name);
+            let rows = run.residual.iter().flatten().zip(column.iter().flatten()).zip(other.iter().flatten());
+            let most = rows.clone().map(|((_, by), _)| by.abs()).fold(0.0, f64::max);
+            assert!(most > 1.0, "{most} of {}", base.name);
+            for ((here, by), there) in rows {
+                assert!(
+                    (there - here - 0.5 * by).abs() < 1e-6 * most,
+                    "{}: {there}, {here}, {by}",
+                    base.name
+                );
+            }
         }
+        assert_eq!(moved.twin().plant, model.twin().plant, "it is of the recording and not of the machine");
     }
-    // It is of the recording and not of the machine.
-    assert!(model.base_values().iter().all(|(base, _)| !base.is_zero));
-    assert_eq!(model.at(&moved).twin().plant, model.twin().plant);
+    assert!(model.base_values().iter().all(|(base, _)| !base.is_zero()));
 }
 
 #[test]
@@ -73,9 +78,8 @@ fn without_a_table_no_row_tells_its_zero() {
     let model = Model::new(machine.axes[AxisId::X].plant);
     let left = (Part::Fit, residuals(&problem, &model, Part::Fit));
     let linear = Linear::new(&problem, &model, left, None, &Steps::widest(&model));
-    for (place, base) in BASE.iter().enumerate().filter(|(_, base)| base.is_zero) {
-        assert!(linear.runs.iter().all(|run| run.columns[place].is_none()), "{}", base.name);
-    }
+    let zero = BASE.iter().position(|base| base.name == "table_zero").expect("a scale has one");
+    assert!(linear.runs.iter().all(|run| run.columns[zero].is_none()));
 }
 
 #[test]
@@ -88,6 +92,21 @@ fn a_zero_that_was_set_anew_between_runs_is_no_effect() {
         assert_eq!(axis.problem.zeros(), Zeros::OfEachRun, "{by_m:?}");
         assert_eq!(axis.verdict, Verdict::ParameterOnly, "{by_m:?}: {:?}", axis.named.effects);
     }
+}
+
+#[test]
+fn a_column_that_was_cut_off_is_no_effect() {
+    let machine = config::load("paper").expect("a machine");
+    let step_m = 1e-6;
+    let mut runs = three(&machine, &[]);
+    for axis in runs.iter_mut().flat_map(|run| run.axes.values_mut()) {
+        axis.position_m.iter_mut().for_each(|place_m| *place_m = (*place_m / step_m).floor() * step_m);
+    }
+    let analysis = analysed(&machine, &runs);
+    let [axis] = analysis.axes.as_slice() else { panic!("one axis") };
+    assert_eq!(axis.verdict, Verdict::ParameterOnly, "{:?}, {:?}", axis.named.effects, axis.rest);
+    let zero_steps = axis.named.model.model.twin().position_zero_steps;
+    assert!((zero_steps - 0.5).abs() < 0.1, "{zero_steps} steps");
 }
 
 #[test]

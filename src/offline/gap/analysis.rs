@@ -32,6 +32,8 @@ use crate::rt::wire::scaling::TravelCounts;
 
 /// What no encoder or drive resolves: m, m, A. Below it two formulations of the same physics differ.
 const LEAST: [f64; SIGNALS.len()] = [2e-9, 2e-9, 2e-3];
+/// A column is written down more coarsely than an encoder counts where its steps are so many counts.
+const COARSER: f64 = 1.5;
 /// A run of laps is judged by its last, by this share of its rows where it has none.
 const HELD_SHARE: f64 = 0.3;
 
@@ -221,17 +223,16 @@ pub fn problem_of<'m>(
 ) -> Problem<'m> {
     let measured: Vec<Option<Signals>> =
         runs.iter().map(|run| run.axes.get(&id).map(Signals::measured)).collect();
-    // A count is as wide for each pass of a command: what it hides does not show in their difference. Of what was written down more
-    // coarsely than the encoder counts nobody knows whether it was rounded or cut.
+    // A count is as wide for each pass of a command: what it hides may not show in their difference. A column may be written down more
+    // coarsely than the encoder counts.
     let scale = &machine.axes[id].scale;
     let of_runs = |column: fn(&AxisRun) -> Option<&Vec<f64>>| {
         let steps = runs.iter().filter_map(|run| Some(counts::step(column(run.axes.get(&id)?)?)));
         steps.fold(0.0, f64::max)
     };
-    let hidden_m = |count_m: f64, written_m: f64| {
-        if written_m > 1.5 * count_m { written_m / 3_f64.sqrt() } else { count_m / 12_f64.sqrt() }
-    };
-    let count_m = hidden_m(scale.motor_resolution().as_m(), of_runs(|axis| Some(&axis.position_m)));
+    let hidden_m = |count_m: f64, written_m: f64| written_m.max(count_m) / 12_f64.sqrt();
+    let (resolution_m, step_m) = (scale.motor_resolution().as_m(), of_runs(|axis| Some(&axis.position_m)));
+    let count_m = hidden_m(resolution_m, step_m);
     let table_m = hidden_m(
         scale.table_position(TravelCounts::counts(1)).as_m().abs(),
         of_runs(|axis| axis.table_m.as_ref()),
@@ -251,7 +252,8 @@ pub fn problem_of<'m>(
             data.loudness[signal] = loudness[data.run].get(rows).unwrap_or_default().to_vec();
         }
     }
-    Problem::new(machine, id, gain_set, data, noises)
+    let is_coarser = step_m > COARSER * resolution_m;
+    Problem::new(machine, id, gain_set, data, noises).written_in(if is_coarser { step_m } else { 0.0 })
 }
 
 /// How well the loops explain the current, and in which row of each run the position loop acts first; gains that somebody named must

@@ -91,8 +91,10 @@ pub fn noise(
         }
     }
     let lags: Vec<f64> = lags.iter().map(|sum| sum / rows as f64).collect();
-    let least2 = least * least;
-    let lags: Vec<f64> = std::iter::once(lags[0] + least2).chain(lags[1..].iter().copied()).collect();
+    // Of what is hidden, passes that differ by more than that show their part.
+    let shown2 = if is_from_repeats { levinson(&lags).1 } else { 0.0 };
+    let hidden2 = (least * least - shown2).max(0.0);
+    let lags: Vec<f64> = std::iter::once(lags[0] + hidden2).chain(lags[1..].iter().copied()).collect();
     let (memory, left2) = levinson(&lags);
     let left = left2.sqrt();
     let mut noise = Noise { rms: lags[0].sqrt(), is_from_repeats, memory, left, usual: 1.0, lines };
@@ -365,6 +367,30 @@ mod tests {
             let first = found.memory[0];
             // Taking rows between rows smooths a little.
             assert!((first - memory).abs() < 0.25, "{first}, a memory of {memory}");
+        }
+    }
+
+    #[test]
+    fn what_counts_hide_is_noise_once_whether_passes_show_it_or_not() {
+        let step_a = 0.03;
+        let hidden_a = step_a / 12_f64.sqrt();
+        // Passes alike hide it, and noise of half a count shows it all.
+        for (noise_a, wanted_a) in [(0.0, hidden_a), (0.015, hidden_a.hypot(0.015))] {
+            let mut run = circle(noise_a, 0.0);
+            let current_a = &mut run.axes.get_mut(&AxisId::X).expect("an axis").current_a;
+            // The same rows in each lap.
+            let lap = 2_100;
+            for row in 0..current_a.len() {
+                let same = if noise_a == 0.0 { current_a[row % lap] } else { current_a[row] };
+                current_a[row] = (same / step_a).round() * step_a;
+            }
+            let runs = std::slice::from_ref(&run);
+            let measured = [Some(Signals::measured(&run.axes[&AxisId::X]))];
+            let shift = if noise_a == 0.0 { lap as f64 } else { 2_100.4 };
+            let repeat = Repeat { runs: [0, 0], shift, rows: [100, 4_000] };
+            let found = noise(&[repeat], runs, &measured, |signals| &signals.current_a, hidden_a);
+            let rms = found.expect("noise").rms;
+            assert!((rms / wanted_a - 1.0).abs() < 0.06, "{rms} A, and not {wanted_a} A");
         }
     }
 

@@ -229,8 +229,8 @@ fn column(
     if !model.is_free(coordinate) || !problem.tells(model, coordinate) {
         return None;
     }
-    if let Some(base) = BASE.get(coordinate).filter(|base| base.is_zero) {
-        return Some(problem.shifted(place, base.prior, part));
+    if let Some((signal, base)) = BASE.get(coordinate).and_then(|base| Some((base.zero_of?, base))) {
+        return Some(problem.shifted(place, (signal, base.prior), part));
     }
     // Away from a bound where one is near.
     [step, -step].into_iter().find_map(|by| {

@@ -127,7 +127,7 @@ impl Model {
     /// The base parameters of the machine as they came out.
     pub fn base_values(&self) -> Vec<(&'static Base, f64)> {
         let twin = self.twin();
-        BASE.iter().filter(|base| !base.is_zero).map(|base| (base, base.of(&twin))).collect()
+        BASE.iter().filter(|base| !base.is_zero()).map(|base| (base, base.of(&twin))).collect()
     }
 
     /// How many coordinates are fitted.

@@ -30,7 +30,8 @@ pub const SIGNALS: [(&str, &str, Pick); 3] = [
     ("current", "A", |signals| &signals.current_a),
 ];
 
-/// Place of the one that has a zero of its own.
+/// Places of those that have a zero of their own.
+pub(super) const FOLLOWING_ERROR: usize = 0;
 pub(super) const DEFLECTION: usize = 1;
 
 /// Name of the signal of a place in [`SIGNALS`] as it is shown, how much more of its unit it is than in SI, and that unit.
@@ -110,6 +111,8 @@ pub struct Problem<'m> {
     holds_force: bool,
     /// Where the zero of the table scale is.
     zeros: Zeros,
+    /// Steps in which positions were written down, m; zero where they are no coarser than what the loops count.
+    pub(super) position_step_m: f64,
 }
 
 /// What a model leaves of a run, whitened: signal by signal, row by row; zero where a row does not count.
@@ -127,7 +130,18 @@ impl<'m> Problem<'m> {
         let axis = without_counts(&machine.axes[id]);
         let (data, zeros) = about_zero(data);
         let data = Arc::new(data);
-        Self { machine, id, axis, gain_set, data, noises, untold: &[], holds_force: false, zeros }
+        Self {
+            machine,
+            id,
+            axis,
+            gain_set,
+            data,
+            noises,
+            untold: &[],
+            holds_force: false,
+            zeros,
+            position_step_m: 0.0,
+        }
     }
 
     /// The same with each command once: a second pass tells the same again, and takes as long to simulate. No rows of
@@ -178,6 +192,12 @@ impl<'m> Problem<'m> {
         self.with_data(Arc::new(self.data.iter().zip(behind_s).map(set).collect()))
     }
 
+    /// The same with positions that were written down in steps, m.
+    #[must_use]
+    pub fn written_in(self, position_step_m: f64) -> Self {
+        Self { position_step_m, ..self }
+    }
+
     /// The same with loops that see the velocity another way.
     #[must_use]
     pub fn seeing(mut self, velocity_estimate: VelocityEstimate) -> Self {
@@ -222,7 +242,8 @@ impl<'m> Problem<'m> {
     /// Whether the rows say something of a coordinate of a model.
     pub(super) fn tells(&self, model: &Model, coordinate: usize) -> bool {
         match BASE.get(coordinate) {
-            Some(base) if base.is_zero => self.has_table() && self.zeros == Zeros::OfAll,
+            Some(base) if base.zero_of == Some(DEFLECTION) => self.has_table() && self.zeros == Zeros::OfAll,
+            Some(base) if base.is_zero() => self.position_step_m > 0.0,
             Some(base) => !self.untold.contains(&base.name),
             None => !self.holds_force || model.constant_force() != Some(coordinate),
         }
@@ -245,9 +266,11 @@ impl<'m> Problem<'m> {
     pub fn simulated(&self, place: usize, model: &Model) -> Signals {
         let every = self.machine.cycle.position_every;
         let twin = model.twin();
+        let position_zero_m = twin.position_zero_steps * self.position_step_m;
         let mut signals = self.data[place].course.run(&self.axis, every, self.gain_set, &twin.plant);
         signals.current_a.iter_mut().for_each(|current_a| *current_a *= twin.current_gain);
         signals.deflection_m.iter_mut().for_each(|deflection_m| *deflection_m += twin.table_zero_m);
+        signals.following_error_m.iter_mut().for_each(|error_m| *error_m += position_zero_m);
         signals
     }
 
@@ -384,7 +407,7 @@ mod tests {
         let model = usual::with(&Model::new(machine.axes[AxisId::X].plant));
         let force = model.constant_force().expect("it has one");
         // No table is seen, and so no zero of its scale.
-        let is_machine = |coordinate: &usize| BASE.get(*coordinate).is_none_or(|base| !base.is_zero);
+        let is_machine = |coordinate: &usize| BASE.get(*coordinate).is_none_or(|base| !base.is_zero());
         let untold = |holds: bool| -> Vec<usize> {
             let problem = problem.holding_force(holds);
             let of_machine = (0..model.coordinate_count()).filter(is_machine);

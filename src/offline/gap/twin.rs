@@ -1,10 +1,11 @@
 //! What a simulation is run with, and the parameters of the base model in it.
 //!
 //! A parameter is what the machine file says times the exponential of its coordinate in steps of its prior; a zero, of which no file
-//! tells, is added. What a current sensor shows too much and where the zero of a table scale is are of the sensors and fitted beside the
+//! tells, is added. What a current sensor shows too much and where zeros of columns are is of the sensors and fitted beside the
 //! plant, so that they are taken for no effect.
 //! Invariant: a coordinate of 0 is what the file says.
 
+use super::problem::{DEFLECTION, FOLLOWING_ERROR};
 use crate::base::units::{Force, Velocity};
 use crate::plant::Parameters;
 
@@ -17,12 +18,14 @@ pub struct Twin {
     pub current_gain: f64,
     /// What a table scale makes of no deflection, m.
     pub table_zero_m: f64,
+    /// What a following error is shown too large, in steps in which the position is written down.
+    pub position_zero_steps: f64,
 }
 
 impl Twin {
     /// A plant whose sensors show what there is.
     pub const fn new(plant: Parameters) -> Self {
-        Self { plant, current_gain: 1.0, table_zero_m: 0.0 }
+        Self { plant, current_gain: 1.0, table_zero_m: 0.0, position_zero_steps: 0.0 }
     }
 }
 
@@ -35,8 +38,8 @@ pub struct Base {
     pub unit: &'static str,
     /// Standard deviation of the logarithm of how far machine files are off; of the value itself where no file has it.
     pub prior: f64,
-    /// Whether it is added to what there is: a zero, which is of a recording and of no machine.
-    pub is_zero: bool,
+    /// Place of the signal in [`SIGNALS`](super::problem::SIGNALS) of which it is the zero, which is of a recording and of no machine.
+    pub zero_of: Option<usize>,
     /// How far a machine is from its file at most, in priors: further off it is another machine, or it is an effect.
     reach: [f64; 2],
     get: fn(&Twin) -> f64,
@@ -52,7 +55,12 @@ impl Base {
         get: fn(&Twin) -> f64,
         set: fn(&mut Twin, f64),
     ) -> Self {
-        Self { name, unit, prior, is_zero: false, reach: [-6.0, 6.0], get, set }
+        Self { name, unit, prior, zero_of: None, reach: [-6.0, 6.0], get, set }
+    }
+
+    /// Whether it is added to what there is.
+    pub fn is_zero(&self) -> bool {
+        self.zero_of.is_some()
     }
 
     /// Its value.
@@ -64,13 +72,13 @@ impl Base {
     pub fn move_to(&self, coordinate: f64, twin: &mut Twin) {
         if coordinate != 0.0 {
             let (value, by) = (self.of(twin), coordinate * self.prior);
-            (self.set)(twin, if self.is_zero { value + by } else { value * by.exp() });
+            (self.set)(twin, if self.is_zero() { value + by } else { value * by.exp() });
         }
     }
 
     /// Whether a coordinate moves anything: a share of what the file says is nothing does not.
     pub fn is_free(&self, filed: &Parameters) -> bool {
-        self.is_zero || self.of(&Twin::new(*filed)) != 0.0
+        self.is_zero() || self.of(&Twin::new(*filed)) != 0.0
     }
 
     /// The coordinate, as far as it may be from the file.
@@ -86,7 +94,7 @@ impl Base {
 }
 
 /// The base parameters, in the order of the coordinates.
-pub const BASE: [Base; 12] = [
+pub const BASE: [Base; 13] = [
     Base::filed(
         "mass",
         "kg",
@@ -175,7 +183,7 @@ pub const BASE: [Base; 12] = [
     },
     Base::filed("current_gain", "", 0.1, |twin| twin.current_gain, |twin, value| twin.current_gain = value),
     Base {
-        is_zero: true,
+        zero_of: Some(DEFLECTION),
         reach: [f64::NEG_INFINITY, f64::INFINITY],
         ..Base::filed(
             "table_zero",
@@ -183,6 +191,18 @@ pub const BASE: [Base; 12] = [
             1e-5,
             |twin| twin.table_zero_m,
             |twin, value| twin.table_zero_m = value,
+        )
+    },
+    // A column that was cut off, and not rounded, is half a step less than what was there.
+    Base {
+        zero_of: Some(FOLLOWING_ERROR),
+        reach: [-2.0, 2.0],
+        ..Base::filed(
+            "position_zero",
+            "steps",
+            0.5,
+            |twin| twin.position_zero_steps,
+            |twin, value| twin.position_zero_steps = value,
         )
     },
 ];

@@ -231,7 +231,7 @@ pub(super) fn verdict(named: &Named, gap: &[SignalGap], has_rest: bool) -> Verdi
         return Verdict::Unknown;
     }
     let moved = |fitted: &Fitted| {
-        let is_off = |(at, base): (&f64, &Base)| !base.is_zero && (at * base.prior).abs() > 0.03;
+        let is_off = |(at, base): (&f64, &Base)| !base.is_zero() && (at * base.prior).abs() > 0.03;
         fitted.model.base.iter().zip(&BASE).any(is_off)
     };
     if is_real(|signal| signal.file) && moved(&named.base) {

@@ -72,12 +72,13 @@ pub(super) fn to_zero(left: &mut [f64], data: &AxisData, part: Part) {
 }
 
 impl Problem<'_> {
-    /// What of a run changes where its deflection shows so much more, m.
-    pub(super) fn shifted(&self, place: usize, by_m: f64, part: Part) -> Residual {
+    /// What of a run changes where the zero of a signal is simulated so much higher.
+    pub(super) fn shifted(&self, place: usize, (shifted, by): (usize, f64), part: Part) -> Residual {
         let data = &self.data[place];
+        let by = if shifted == DEFLECTION { by } else { by * self.position_step_m };
         self.in_noise(place, part, |signal| {
             let rows = SIGNALS[signal].2(&data.measured).len();
-            vec![if signal == DEFLECTION { -by_m } else { 0.0 }; rows]
+            vec![if signal == shifted { -by } else { 0.0 }; rows]
         })
     }
 
