@@ -82,6 +82,8 @@ struct Left {
     frequency_hz: Option<f64>,
     /// In how many runs it pushes at moments of its own, of how many.
     pushed_runs: Option<[usize; 2]>,
+    /// How many times as much as noise every run leaves, per row.
+    times_noise: Option<f64>,
     /// Without which base parameter it would show, and how many times what the file says that is.
     strained: Option<BTreeMap<&'static str, f64>>,
     #[serde(skip)]
@@ -98,6 +100,7 @@ impl Left {
                 match shows {
                     Shows::Over(over) => left.coordinate = Some(over.to_string()),
                     Shows::Tone(tone_hz) => left.frequency_hz = Some(tone_hz),
+                    Shows::Everywhere(times) => left.times_noise = Some(times),
                     Shows::Bursts(runs) => left.pushed_runs = Some(runs),
                 }
             }

@@ -202,11 +202,12 @@ fn axis<'m>(
         named.withdraw();
         gap.iter_mut().for_each(|signal| signal.after = signal.before);
     }
-    let strained = || if named.effects.is_empty() { Rest::strained(&named.base.model) } else { None };
-    let rest = shape.or_else(|| bursts(&problem, &named.model.model)).or_else(strained);
-    let verdict = verdict(&named, &gap, rest.is_some());
     let both = locate::both(&problem, &named.base.model, &named.model.model);
     let (located, runs_left) = (locate::located(&problem, &both), locate::runs_left(&problem, &both));
+    let of_base = || Rest::everywhere(&runs_left).or_else(|| Rest::strained(&named.base.model));
+    let of_base = || named.effects.is_empty().then(of_base).flatten();
+    let rest = shape.or_else(|| bursts(&problem, &named.model.model)).or_else(of_base);
+    let verdict = verdict(&named, &gap, rest.is_some());
     let of = |place| consequence(&problem, &named.model.model, place);
     let consequences = (0..named.effects.len()).map(of).collect();
     Ok(AxisGap { id, problem, controller, named, verdict, rest, located, runs_left, gap, consequences })

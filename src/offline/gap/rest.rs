@@ -4,14 +4,19 @@
 
 use std::fmt;
 
+use super::locate::RunLeft;
 use super::model::Model;
-use super::problem::shown;
+use super::problem::{SIGNALS, shown};
 use crate::plant::effects::Coordinate;
 
 /// What stands in data sheets, and how many times as much or as little of it is no machine that the file could mean: a file is
 /// off by a factor of two, and damping, which is guessed, by a bit more.
 const OF_DATA_SHEETS: [&str; 5] = ["mass", "motor_inertia", "stiffness", "damping", "sliding"];
 const STRAINED: f64 = 4.0;
+/// A signal of which every run leaves so many times noise has something in it: where nothing is missing the quietest of a session left 1.1 at
+/// most, however much small reversals did. Fewer runs may be alike.
+const EVERYWHERE: f64 = 1.4;
+const RUNS_MIN: usize = 3;
 
 /// Something that is left.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,6 +38,18 @@ pub enum Rest {
 }
 
 impl Rest {
+    /// Of what a base leaves in every run, in the signal that shows it most.
+    pub(super) fn everywhere(left: &[RunLeft]) -> Option<Self> {
+        let of = |signal: usize| {
+            let runs: Vec<f64> =
+                left.iter().filter(|left| left.signal == signal).map(|left| left.per_row[0]).collect();
+            let least = runs.iter().copied().fold(f64::INFINITY, f64::min);
+            (runs.len() >= RUNS_MIN && least > EVERYWHERE).then_some((signal, least))
+        };
+        let most = (0..SIGNALS.len()).filter_map(of).max_by(|a, b| a.1.total_cmp(&b.1));
+        most.map(|(signal, least)| Self::In { signal, shows: Shows::Everywhere(least) })
+    }
+
     /// Of a base that explains all, and is no machine that the file could mean: a play of the scale head of 4 um passed for a damping
     /// of 8.7 times as much.
     pub(super) fn strained(base: &Model) -> Option<Self> {
@@ -57,6 +74,8 @@ pub enum Shows {
     Over(Coordinate),
     /// It sounds at a frequency, Hz.
     Tone(f64),
+    /// It is in every run: so many times as much as noise is left of the quietest, per row.
+    Everywhere(f64),
     /// It pushes an axis that slides along, at moments of its own: in so many runs of so many.
     Bursts([usize; 2]),
 }
@@ -82,6 +101,9 @@ impl fmt::Display for Rest {
             Shows::Tone(frequency_hz) => {
                 write!(out, "what is left of the {signal} sounds at {frequency_hz:.0} Hz")
             }
+            Shows::Everywhere(times) => {
+                write!(out, "each run leaves at least {times:.1} times as much of the {signal} as noise does")
+            }
             Shows::Bursts([pushed, runs]) => write!(
                 out,
                 "the {signal} shows pushes while the axis slides along, at moments of their own, in {pushed} of {runs} runs"
@@ -95,6 +117,20 @@ mod tests {
     use super::*;
     use crate::offline::gap::twin::BASE;
     use crate::plant::tests::paper_axis;
+
+    #[test]
+    fn what_every_run_leaves_is_real_and_what_one_does_may_be_an_event() {
+        let left = |of_runs: &[f64]| -> Vec<RunLeft> {
+            let run = |(run, left): (usize, &f64)| {
+                [(0, 1.0), (1, *left)].map(|(signal, left)| RunLeft { run, signal, per_row: [left, left] })
+            };
+            of_runs.iter().enumerate().flat_map(run).collect()
+        };
+        let everywhere = Rest::everywhere(&left(&[1.9, 13.0, 2.4, 1.6]));
+        assert_eq!(everywhere, Some(Rest::In { signal: 1, shows: Shows::Everywhere(1.6) }));
+        assert_eq!(Rest::everywhere(&left(&[1.9, 13.0, 2.4, 1.1])), None);
+        assert_eq!(Rest::everywhere(&left(&[1.9, 13.0])), None);
+    }
 
     #[test]
     fn a_base_that_no_file_could_mean_is_told_with_what_is_furthest_off() {
