@@ -3,6 +3,7 @@
 #![cfg(feature = "offline")]
 
 mod loops;
+mod nearby;
 mod usual;
 mod zeros;
 

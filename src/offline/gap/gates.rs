@@ -13,9 +13,10 @@ use serde::Serialize;
 use super::blocks::Blocks;
 use super::fit::{Effort, Fitted, fit};
 use super::judged;
-use super::linear::{Linear, Loss, residuals};
+use super::linear::Linear;
 use super::model::{Model, Tried};
-use super::problem::{Part, Problem};
+use super::nearby::costs_nearby;
+use super::problem::Problem;
 use super::refit::{ITERATIONS, is_far, scale};
 use crate::plant::effects::{CATALOGUE, Entry, Experiment, Parameter};
 
@@ -287,20 +288,16 @@ pub(super) fn judged(
     } else if !is_sure {
         failed.push(Gate::Amplitude);
     }
-    if failed.is_empty()
-        && !is_far(&fitted, without)
-        && makes_runs_worse(problem, &without.model, &fitted.model)
-    {
+    if failed.is_empty() && !is_far(&fitted, without) && makes_runs_worse(problem, without, &fitted) {
         failed.push(Gate::Runs);
     }
     Candidate { evidence: fall + held_fall, fitted, held, failed }
 }
 
 /// Whether a model with an effect costs some of the fitted runs much of what it gains in the others.
-fn makes_runs_worse(problem: &Problem<'_>, without: &Model, with: &Model) -> bool {
-    let costs =
-        |model: &Model| residuals(problem, model, Part::Fit).into_iter().map(|run| Loss::LAST.sum(&run));
-    costs_much(&costs(without).zip(costs(with)).map(|(without, with)| without - with).collect::<Vec<f64>>())
+fn makes_runs_worse(problem: &Problem<'_>, without: &Fitted, with: &Fitted) -> bool {
+    let [without, with] = [without, with].map(|fitted| costs_nearby(problem, fitted));
+    costs_much(&without.iter().zip(&with).map(|(without, with)| without - with).collect::<Vec<f64>>())
 }
 
 /// Whether some of what was gained was lost, by more than a share of the rest.

@@ -47,6 +47,7 @@ mod motions;
 mod moving;
 pub mod name;
 mod near;
+pub mod nearby;
 pub mod plan;
 pub mod problem;
 mod refit;
