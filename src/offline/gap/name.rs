@@ -19,7 +19,7 @@ use super::gates::{self, Candidate, Gate, PLAIN, tried};
 use super::linear::{Linear, Steps, residuals};
 use super::louder::Louder;
 use super::model::Model;
-use super::near::{Near, ROUGHLY, is_alias, margin, weighed};
+use super::near::{Near, ROUGHLY, is_alias, is_with_less, margin, price_of_a_number, weighed};
 use super::problem::{Part, Problem};
 use super::refit::{
     ITERATIONS, REACH, another_way, base_refitted, coarsely, coarsely_from, ended, is_far, refitted, scale,
@@ -207,11 +207,14 @@ pub fn name<'m>(
         // What says no more with more numbers is no other explanation.
         let count = |candidate: &Candidate| candidate.fitted.model.coordinate_count();
         let (least, most) = (best.evidence - margin, count(best));
+        let doubted = best.evidence - price_of_a_number(best.fitted.cost, rows[0]);
+        let best_model = best.fitted.model.clone();
         // Louder noise tells little of which explains most: that is left to the bottoms.
         let roughly = louder.as_ref().map_or(best.evidence, |_| (1.0 - ROUGHLY) * best.evidence);
         let (mut near, rest): (Vec<Candidate>, Vec<Candidate>) = passed.into_iter().partition(|candidate| {
             let is_near = candidate.evidence > least && count(candidate) <= most;
-            is_near || candidate.evidence > roughly || is_alias(best_name, candidate.name())
+            let is_less = candidate.evidence > doubted && is_with_less(&candidate.fitted.model, &best_model);
+            is_near || is_less || candidate.evidence > roughly || is_alias(best_name, candidate.name())
         });
         // Its twin may have been left behind on the way; what holds for one holds for both.
         let twin = near[0].fitted.model.with_last_as_its_twin().filter(|_| problem.has_table());

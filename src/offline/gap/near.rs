@@ -5,7 +5,8 @@
 use rayon::prelude::*;
 
 use super::fit::Fitted;
-use super::gates::{Candidate, PLAIN};
+use super::gates::{Candidate, PLAIN, last_of};
+use super::model::Model;
 use super::name::RunnerUp;
 use super::refit::scale;
 use crate::plant::effects::CATALOGUE;
@@ -14,13 +15,25 @@ use crate::plant::effects::CATALOGUE;
 const NEAR: (f64, f64) = (20.0, 0.02);
 /// The same share where noise is taken for louder than it is: all of these are fitted to the bottom.
 pub(super) const ROUGHLY: f64 = 0.15;
-/// What a further number must explain of what is left beyond noise to come before an explanation with fewer: where that is much, in small
+/// What an effect must explain of what is left beyond noise to come before the one that it is with a number less: where that is much, in small
 /// reversals without a table scale, it may be what bends a soft zone out of a play.
 const FURTHER: f64 = 0.2;
 
 /// How far behind a candidate with this evidence others are not told from it.
 pub(super) fn margin(evidence: f64) -> f64 {
     NEAR.0.max(NEAR.1 * evidence)
+}
+
+/// By how much an explanation must be better than the one that it is with a number less, where the best costs so much.
+pub(super) fn price_of_a_number(cost: f64, rows: usize) -> f64 {
+    FURTHER * (rows as f64 * (1.0 - scale(cost, rows).recip())).max(0.0)
+}
+
+/// Whether the last effect of a model is that of another with a number less.
+pub(super) fn is_with_less(model: &Model, other: &Model) -> bool {
+    let of_other =
+        other.with_last_as_alike().filter(|less| less.coordinate_count() < other.coordinate_count());
+    of_other.is_some_and(|less| last_of(&less) == last_of(model))
 }
 
 /// Whether no data of this kind tell one effect from another.
@@ -67,9 +80,14 @@ impl Near {
         let scale = scale(deepest.1.cost, rows);
         let numbers = |end: &Fitted| end.model.coordinate_count();
         let price = |end: &Fitted| end.total / scale + numbers(end) as f64 * (rows.max(1) as f64).ln();
-        let beyond_noise = (rows as f64 * (1.0 - scale.recip())).max(0.0);
-        let doubted = |end: &Fitted| price(end) + FURTHER * beyond_noise * numbers(end) as f64;
-        ends.sort_by(|a, b| doubted(&a.1).total_cmp(&doubted(&b.1)));
+        ends.sort_by(|a, b| price(&a.1).total_cmp(&price(&b.1)));
+        let doubted = price(&ends[0].1) + price_of_a_number(ends[0].1.cost, rows);
+        let is_doubted = |(_, less): &(Candidate, Fitted)| {
+            is_with_less(&less.model, &ends[0].1.model) && price(less) < doubted
+        };
+        if let Some(less) = ends.iter().position(is_doubted) {
+            ends[..=less].rotate_right(1);
+        }
         let model = ends[0].1.clone();
         let margin = margin((without.total - model.total) / scale);
         let behind = |end: &Fitted| price(end) - price(&model);
@@ -98,7 +116,7 @@ mod tests {
     use nalgebra::DMatrix;
 
     use super::*;
-    use crate::offline::gap::model::{Model, Tried};
+    use crate::offline::gap::model::Tried;
     use crate::plant::effects::entry;
     use crate::plant::tests::paper_axis;
 
