@@ -36,6 +36,10 @@ const SWING_ROWS: usize = 20;
 const START_ROWS: usize = 16;
 const STILL_M: f64 = 1e-9;
 
+/// Places among the signals of those that have a zero of their own.
+pub(super) const FOLLOWING_ERROR: usize = 0;
+pub(super) const DEFLECTION: usize = 1;
+
 /// What is compared, row by row.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Signals {

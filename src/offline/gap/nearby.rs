@@ -5,8 +5,8 @@
 //! ```
 //!
 //! Where a run is smooth that is what it costs at the bottom, and as much more for each model. Where a table sticks and slips a fit ends in a
-//! hole that is narrower than what is not known, which chance dug: from one that was 4 000 to 16 000 deep in a run of small reversals a delay that gained as much in all
-//! others had seemed to make that run worse.
+//! hole that is narrower than what is not known, which chance dug: out of one of 4 000 to 16 000 in small reversals, a delay that gained as
+//! much in all other runs seemed to make that one worse.
 //! Invariant: the same model of the same rows costs the same.
 
 use nalgebra::{DMatrix, DVector};

@@ -11,7 +11,7 @@
 use std::sync::Arc;
 
 use super::floor::{Loudness, Noise, Pick};
-use super::forward::{Course, SETTLE_S, Signals, without_counts};
+use super::forward::{Course, DEFLECTION, SETTLE_S, Signals, without_counts};
 use super::model::Model;
 use super::motions::tells;
 use super::runs::Run;
@@ -29,10 +29,6 @@ pub const SIGNALS: [(&str, &str, Pick); 3] = [
     ("deflection", "m", |signals| &signals.deflection_m),
     ("current", "A", |signals| &signals.current_a),
 ];
-
-/// Places of those that have a zero of their own.
-pub(super) const FOLLOWING_ERROR: usize = 0;
-pub(super) const DEFLECTION: usize = 1;
 
 /// Name of the signal of a place in [`SIGNALS`] as it is shown, how much more of its unit it is than in SI, and that unit.
 pub fn shown(signal: usize) -> (&'static str, f64, &'static str) {

@@ -38,11 +38,11 @@ pub enum Rest {
 }
 
 impl Rest {
-    /// Of what a base leaves in every run, in the signal that shows it most.
-    pub(super) fn everywhere(left: &[RunLeft]) -> Option<Self> {
+    /// Of what a base leaves in every run, in the signal that shows it most, where passes tell the noise.
+    pub(super) fn everywhere(left: &[RunLeft], is_told: impl Fn(usize) -> bool) -> Option<Self> {
         let of = |signal: usize| {
-            let runs: Vec<f64> =
-                left.iter().filter(|left| left.signal == signal).map(|left| left.per_row[0]).collect();
+            let of_signal = left.iter().filter(|left| left.signal == signal && is_told(signal));
+            let runs: Vec<f64> = of_signal.map(|left| left.per_row[0]).collect();
             let least = runs.iter().copied().fold(f64::INFINITY, f64::min);
             (runs.len() >= RUNS_MIN && least > EVERYWHERE).then_some((signal, least))
         };
@@ -126,10 +126,13 @@ mod tests {
             };
             of_runs.iter().enumerate().flat_map(run).collect()
         };
-        let everywhere = Rest::everywhere(&left(&[1.9, 13.0, 2.4, 1.6]));
-        assert_eq!(everywhere, Some(Rest::In { signal: 1, shows: Shows::Everywhere(1.6) }));
-        assert_eq!(Rest::everywhere(&left(&[1.9, 13.0, 2.4, 1.1])), None);
-        assert_eq!(Rest::everywhere(&left(&[1.9, 13.0])), None);
+        let everywhere = |of_runs: &[f64]| Rest::everywhere(&left(of_runs), |_| true);
+        let rest = Rest::In { signal: 1, shows: Shows::Everywhere(1.6) };
+        assert_eq!(everywhere(&[1.9, 13.0, 2.4, 1.6]), Some(rest));
+        assert_eq!(everywhere(&[1.9, 13.0, 2.4, 1.1]), None);
+        assert_eq!(everywhere(&[1.9, 13.0]), None);
+        // A floor that no passes tell is a lower bound.
+        assert_eq!(Rest::everywhere(&left(&[1.9, 13.0, 2.4, 1.6]), |signal| signal != 1), None);
     }
 
     #[test]

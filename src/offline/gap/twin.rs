@@ -5,7 +5,7 @@
 //! plant, so that they are taken for no effect.
 //! Invariant: a coordinate of 0 is what the file says.
 
-use super::problem::{DEFLECTION, FOLLOWING_ERROR};
+use super::forward::{DEFLECTION, FOLLOWING_ERROR};
 use crate::base::units::{Force, Velocity};
 use crate::plant::Parameters;
 

@@ -12,10 +12,11 @@
 
 use serde::Serialize;
 
+use super::forward::DEFLECTION;
 use super::gates::PLAIN;
 use super::linear::{Loss, residuals};
 use super::model::Model;
-use super::problem::{AxisData, DEFLECTION, Part, Problem, Residual, SIGNALS};
+use super::problem::{AxisData, Part, Problem, Residual, SIGNALS};
 use super::refit::coarsely;
 use super::usual;
 use crate::offline::median::median;
