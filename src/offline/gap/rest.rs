@@ -23,7 +23,7 @@ const RUNS_MIN: usize = 3;
 pub enum Rest {
     /// In a signal.
     In {
-        /// Its place in [`SIGNALS`](super::problem::SIGNALS).
+        /// Its place in [`SIGNALS`].
         signal: usize,
         /// How it shows there.
         shows: Shows,
