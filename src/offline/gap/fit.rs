@@ -12,6 +12,8 @@
 //! where the residual is and comes nearer, and where a fine fit ends it looks along its valley for a deeper place.
 //! Invariant: a fit never ends worse than it began, at the knee it ends with.
 
+use std::ops::Range;
+
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
@@ -41,6 +43,8 @@ pub const LEAST_PER_ROW: f64 = 0.5;
 /// From where a fine fit ends it looks so many standard deviations away, and goes on from there at most so often.
 const KICKS: [f64; 4] = [-8.0, -2.5, 2.5, 8.0];
 const KICKED: usize = 2;
+/// Of a coordinate something is known within these standard deviations; one without any moves nothing.
+const KNOWN: Range<f64> = 1e-9..0.5;
 /// How often derivatives over narrower steps may gain nothing: where it is rough, they are never as narrow as they should be.
 const IDLE: usize = 2;
 /// Most iterations of a fine fit.
@@ -191,8 +195,12 @@ fn kicks(model: &Model, covariance: &DMatrix<f64>) -> Vec<Model> {
             at.iter().zip(covariance.column(coordinate).iter()).map(|(at, with)| at + share * with).collect();
         model.at(&to)
     };
-    let is_known = |coordinate: &usize| (1e-9..0.5).contains(&covariance[(*coordinate, *coordinate)].sqrt());
-    (0..at.len()).filter(is_known).flat_map(|coordinate| KICKS.map(|by| moved(coordinate, by))).collect()
+    known(covariance).flat_map(|coordinate| KICKS.map(|by| moved(coordinate, by))).collect()
+}
+
+/// Coordinates of a covariance of which more is known than before there were data.
+pub(super) fn known(covariance: &DMatrix<f64>) -> impl Iterator<Item = usize> {
+    (0..covariance.nrows()).filter(|place| KNOWN.contains(&covariance[(*place, *place)].sqrt()))
 }
 
 /// What a model costs of the rows it is fitted to, and by what is believed of it.

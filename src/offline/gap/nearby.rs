@@ -15,7 +15,7 @@ use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
 
-use super::fit::Fitted;
+use super::fit::{Fitted, known};
 use super::linear::{Loss, residuals};
 use super::model::Model;
 use super::problem::{Part, Problem};
@@ -23,10 +23,8 @@ use super::problem::{Part, Problem};
 /// How far away, in standard deviations, and how many places, each with the one on the other side.
 const AWAY: f64 = 1.0;
 const PAIRS: usize = 4;
-/// What is known no better than by half a prior stays where it is.
-const KNOWN: f64 = 0.5;
 
-/// What the fitted rows of each run cost.
+/// What the fitted rows of each run cost; what is not known stays where it is.
 pub fn costs_nearby(problem: &Problem<'_>, fitted: &Fitted) -> Vec<f64> {
     let all: Vec<Vec<f64>> = places(problem, fitted)
         .par_iter()
@@ -39,11 +37,7 @@ pub fn costs_nearby(problem: &Problem<'_>, fitted: &Fitted) -> Vec<f64> {
 fn places(problem: &Problem<'_>, fitted: &Fitted) -> Vec<Model> {
     let (model, covariance) = (&fitted.model, &fitted.covariance);
     let at = model.coordinates();
-    let is_known = |place: usize| {
-        let deviation = covariance[(place, place)].max(0.0).sqrt();
-        deviation > 0.0 && deviation < KNOWN && problem.tells(model, place)
-    };
-    let known: Vec<usize> = (0..at.len()).filter(|place| is_known(*place)).collect();
+    let known: Vec<usize> = known(covariance).filter(|place| problem.tells(model, *place)).collect();
     let known_covariance = covariance.select_rows(&known).select_columns(&known);
     // Of what is no covariance each coordinate by itself.
     let factor = known_covariance.clone().cholesky().map_or_else(

@@ -7,6 +7,7 @@ use std::fmt;
 use super::locate::RunLeft;
 use super::model::Model;
 use super::problem::{SIGNALS, shown};
+use super::twin::BASE;
 use crate::plant::effects::Coordinate;
 
 /// What stands in data sheets, and how many times as much or as little of it is no machine that the file could mean: a file is
@@ -53,17 +54,11 @@ impl Rest {
     /// Of a base that explains all, and is no machine that the file could mean: a play of the scale head of 4 um passed for a damping
     /// of 8.7 times as much.
     pub(super) fn strained(base: &Model) -> Option<Self> {
-        let filed = Model::new(base.nominal).base_values();
-        let ratios = base
-            .base_values()
-            .into_iter()
-            .zip(filed)
-            .map(|((base, value), (_, filed))| (base.name, value / filed));
         let of_data_sheets =
-            ratios.filter(|(name, ratio)| OF_DATA_SHEETS.contains(name) && ratio.is_finite());
-        let size = |ratio: f64| ratio.ln().abs();
-        let (parameter, ratio) = of_data_sheets.max_by(|(_, a), (_, b)| size(*a).total_cmp(&size(*b)))?;
-        (size(ratio) > STRAINED.ln()).then_some(Self::Strained { parameter, ratio })
+            BASE.iter().zip(&base.base).filter(|(base, _)| OF_DATA_SHEETS.contains(&base.name));
+        let logarithms = of_data_sheets.map(|(base, at)| (base.name, at * base.prior));
+        let (parameter, furthest) = logarithms.max_by(|(_, a), (_, b)| a.abs().total_cmp(&b.abs()))?;
+        (furthest.abs() > STRAINED.ln()).then_some(Self::Strained { parameter, ratio: furthest.exp() })
     }
 }
 
@@ -115,7 +110,6 @@ impl fmt::Display for Rest {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::offline::gap::twin::BASE;
     use crate::plant::tests::paper_axis;
 
     #[test]
