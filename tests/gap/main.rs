@@ -252,7 +252,7 @@ fn rows_in_which_the_table_breaks_away_count_less_until_friction_is_known() {
     let problem = problem_of(&machine, &runs, &repeats(&runs), AxisId::X, 0, &[0]);
     let louder = |reach: f64| -> Vec<f64> {
         let straight = problem.where_straight(&Model::new(plant), reach, 0);
-        problem.told(0, 0, &straight).map(|told| told.sqrt().recip()).collect()
+        straight.told(0, 0).map(|told| told.sqrt().recip()).collect()
     };
     // The second lap of a sine: it reverses at a quarter and three quarters, and slides at once in between.
     let row = |turns: f64| (2.4 * turns * ROWS_PER_S) as usize;
@@ -263,6 +263,18 @@ fn rows_in_which_the_table_breaks_away_count_less_until_friction_is_known() {
     let narrow = louder(0.01);
     assert!(most(&narrow) < 0.3 * most(&wide), "{} and {}", most(&narrow), most(&wide));
     assert!(most(&narrow[row(1.45)..row(1.7)]) < 1.01);
+    // A reversal that comes out otherwise is one event, and not as many as it has rows.
+    let mut other = plant;
+    other.friction = other.friction.scaled(1.02);
+    let straight = problem.where_straight(&Model::new(plant), 0.3, 0);
+    let per_row = |problem: &Problem<'_>| {
+        let of_error = &problem.residual(0, &Model::new(other), Part::Fit)[0][row(1.26)..row(1.32)];
+        of_error.iter().map(|left| left * left).sum::<f64>() / of_error.len() as f64
+    };
+    let [as_noise, as_events] = [per_row(&problem), per_row(&straight)];
+    assert!(as_noise > 10.0 && as_events < 0.1, "{as_noise} and {as_events} per row");
+    let [all, told] = [&problem, &straight].map(|problem| problem.count(Part::Fit) as f64);
+    assert!((0.3..0.95).contains(&(told / all)), "{told} of {all} values");
 }
 
 #[test]

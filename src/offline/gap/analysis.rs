@@ -192,11 +192,11 @@ fn axis<'m>(
         (named, weighed) = name::name(&problem, &start, &say);
     }
     problem = problem.as_clocked(&named);
-    let mut gap = gaps(&problem, &weighed, &start, &named);
+    let mut gap = gaps(&weighed, &start, &named);
     let shape = shape(&problem, &named);
     let is_little = || {
         let is_pushed = || bursts(&problem, &named.model.model).is_some();
-        explains_too_little(&problem, &weighed, &named) || (closes_little(&gap) && is_pushed())
+        explains_too_little(&weighed, &named) || (closes_little(&gap) && is_pushed())
     };
     if !named.effects.is_empty() && (shape.is_some() || is_little()) {
         named.withdraw();
@@ -312,7 +312,7 @@ fn data(machine: &Machine, runs: &[Run], repeats: &[Repeat], id: AxisId, phases:
         let held: Vec<bool> =
             counts.iter().enumerate().map(|(row, counts)| *counts && is_held(row)).collect();
         let fit = counts.iter().zip(&held).map(|(counts, held)| *counts && !held).collect();
-        let loudness = Default::default();
+        let (loudness, bend) = Default::default();
         let first_pass = first_pass(index, run.len(), repeats).saturating_sub(from).min(rows);
         all.push(AxisData {
             run: index,
@@ -320,6 +320,7 @@ fn data(machine: &Machine, runs: &[Run], repeats: &[Repeat], id: AxisId, phases:
             course,
             measured: Signals::measured(axis),
             loudness,
+            bend,
             fit,
             held,
             first_pass,

@@ -22,8 +22,8 @@ const OF_CHANCE: f64 = 0.05;
 /// Share of a fall that is most of it.
 const MOST: f64 = 0.5;
 
-/// Of each signal the cost of some rows, and how many values count.
-type Block = [(f64, usize); SIGNALS.len()];
+/// Of each signal the cost of some rows, and how much its values tell.
+type Block = [(f64, f64); SIGNALS.len()];
 
 /// Cost of the rows that were not fitted, block by block.
 #[derive(Clone, Debug)]
@@ -33,15 +33,24 @@ impl Blocks {
     pub(super) fn new(problem: &Problem<'_>, model: &Model) -> Self {
         let length = (BLOCK_S / problem.machine.cycle.period.as_s()) as usize;
         let mut blocks = Vec::new();
-        for residual in residuals(problem, model, Part::Held) {
+        let places = problem.places(Part::Held);
+        let signals = problem.signals();
+        for (place, residual) in places.into_iter().zip(residuals(problem, model, Part::Held)) {
+            let weights = signals.iter().map(|signal| problem.weights(place, *signal).collect());
+            let weights: Vec<Vec<f64>> = weights.collect();
             let rows = residual.iter().map(Vec::len).max().unwrap_or(0);
             for from in (0..rows).step_by(length) {
                 let mut block = Block::default();
-                for ((cost, count), signal) in block.iter_mut().zip(&residual) {
+                for (((cost, told), signal), weights) in block.iter_mut().zip(&residual).zip(&weights) {
                     let values = || signal.iter().skip(from).take(length).copied();
                     *cost = values().map(|value| Loss::LAST.of(value)).sum();
                     // A row that does not count is zero.
-                    *count = values().filter(|value| *value != 0.0).count();
+                    let weights = weights.iter().skip(from).take(length);
+                    *told = values()
+                        .zip(weights)
+                        .filter(|(value, _)| *value != 0.0)
+                        .map(|(_, weight)| weight)
+                        .sum();
                 }
                 blocks.push(block);
             }
@@ -52,7 +61,7 @@ impl Blocks {
     /// Of known costs of one signal.
     #[cfg(test)]
     pub(super) fn of(costs: Vec<f64>) -> Self {
-        Self(costs.into_iter().map(|cost| [(cost, 400), (0.0, 0), (0.0, 0)]).collect())
+        Self(costs.into_iter().map(|cost| [(cost, 400.0), (0.0, 0.0), (0.0, 0.0)]).collect())
     }
 
     pub(super) fn cost(&self) -> f64 {
@@ -67,7 +76,7 @@ impl Blocks {
     /// Whether a signal costs more than noise, which costs one for each value, whatever chance did in a few of its blocks.
     pub(super) fn costs_more_than_noise(&self) -> bool {
         (0..SIGNALS.len()).any(|signal| {
-            let excess = |block: &Block| block[signal].0 - block[signal].1 as f64;
+            let excess = |block: &Block| block[signal].0 - block[signal].1;
             let mut excesses: Vec<f64> = self.0.iter().map(excess).collect();
             excesses.sort_by(f64::total_cmp);
             excesses.truncate(excesses.len() - (OF_CHANCE * excesses.len() as f64).ceil() as usize);
@@ -128,7 +137,7 @@ mod tests {
 
     #[test]
     fn what_one_signal_showed_much_louder_says_nothing_of_what_another_shows() {
-        let of = |costs: [f64; 3]| Blocks(vec![costs.map(|cost| (cost, 400))]);
+        let of = |costs: [f64; 3]| Blocks(vec![costs.map(|cost| (cost, 400.0))]);
         let (alone, with_one) = (of([2_000.0, 90_000.0, 3_500.0]), of([1_800.0, 2_500.0, 3_400.0]));
         for (other, falls) in [
             // Little beside what the deflection told, and all that the current tells.

@@ -168,7 +168,6 @@ pub(super) fn tried(
     blocks @ [blocks_without, alone]: [&Blocks; 2],
     promising: &[Model],
     refit: &(dyn Fn(&Model) -> Fitted + Sync),
-    rows: [usize; 2],
 ) -> Vec<Candidate> {
     let without_held = blocks_without.cost();
     // What explains much leads far from where those derivatives hold. A further effect that makes rows that judge worse, though they
@@ -199,7 +198,7 @@ pub(super) fn tried(
     all.sort_by(|a, b| a.total.total_cmp(&b.total));
     let mut seen = BTreeSet::new();
     all.retain(|fitted| seen.insert(last_of(&fitted.model)));
-    let judged = |fitted| judged(problem, without, blocks, fitted, rows);
+    let judged = |fitted| judged(problem, without, blocks, fitted);
     all.into_par_iter().map(judged).collect()
 }
 
@@ -229,8 +228,8 @@ pub(super) fn judged(
     without: &Fitted,
     [blocks_without, alone]: [&Blocks; 2],
     fitted: Fitted,
-    rows: [usize; 2],
 ) -> Candidate {
+    let rows = problem.counts();
     let without_held = blocks_without.cost();
     let blocks = Blocks::new(problem, &fitted.model);
     let held = blocks.cost();

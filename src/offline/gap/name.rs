@@ -126,7 +126,6 @@ pub fn name<'m>(
     start: &Model,
     progress: &(dyn Fn(&str) + Sync),
 ) -> (Named, Problem<'m>) {
-    let rows = [Part::Fit, Part::Held].map(|part| as_it_is.count(part));
     progress("fitting the base model");
     let (mut problem, mut coarse, led) = coarsely(as_it_is, &usual::with(start));
     // What has one valley and was led by no stick and slip is where other ways begin.
@@ -159,7 +158,7 @@ pub fn name<'m>(
         let force: Vec<usize> = at.model.constant_force().into_iter().collect();
         let promising = screened(searched, &free.holding(&force), &listed.scored);
         // All passes tell more than the first of each command.
-        let more = (rows[0] as f64 / searched.count(Part::Fit).max(1) as f64).sqrt();
+        let more = (search.count(Part::Fit) as f64 / searched.count(Part::Fit).max(1) as f64).sqrt();
         let by_all =
             |one: Smallest| Smallest { amplitude: one.amplitude.map(|amplitude| amplitude / more), ..one };
         smallest = listed.smallest.into_iter().map(by_all).collect();
@@ -178,7 +177,7 @@ pub fn name<'m>(
         let mut here = None;
         for promising in promising.iter().filter(|promising| !promising.is_empty()) {
             let here = here.get_or_insert_with(|| linear(search, &at.model));
-            candidates.extend(tried(search, here, at, judged, promising, &refit, rows));
+            candidates.extend(tried(search, here, at, judged, promising, &refit));
             if candidates.iter().any(|candidate: &Candidate| candidate.failed.is_empty()) {
                 break;
             }
@@ -204,10 +203,11 @@ pub fn name<'m>(
             continue;
         };
         let (best_name, margin) = (best.name(), margin(best.evidence));
+        let rows = problem.count(Part::Fit);
         // What says no more with more numbers is no other explanation.
         let count = |candidate: &Candidate| candidate.fitted.model.coordinate_count();
         let (least, most) = (best.evidence - margin, count(best));
-        let doubted = best.evidence - price_of_a_number(best.fitted.cost, rows[0]);
+        let doubted = best.evidence - price_of_a_number(best.fitted.cost, rows);
         let best_model = best.fitted.model.clone();
         // Louder noise tells little of which explains most: that is left to the bottoms.
         let roughly = louder.as_ref().map_or(best.evidence, |_| (1.0 - ROUGHLY) * best.evidence);
@@ -221,7 +221,7 @@ pub fn name<'m>(
         let is_there = |twin: &Model| near.iter().any(|one| Some(one.name()) == gates::last_of(twin));
         if let Some(twin) = twin.filter(|twin| !is_there(twin)) {
             let fitted = fit(search, &twin, Effort::Coarse(ITERATIONS[1]), None);
-            near.push(Candidate { failed: Vec::new(), ..gates::judged(search, at, judged, fitted, rows) });
+            near.push(Candidate { failed: Vec::new(), ..gates::judged(search, at, judged, fitted) });
         }
         progress(&format!("{best_name}: is it needed?"));
         // What is far was fitted by all ways already.
@@ -233,7 +233,7 @@ pub fn name<'m>(
             }
         };
         let Near { mut class, model: bottom, told_apart } =
-            Near::of((near, least), &to_the_bottom, &model, rows[0]);
+            Near::of((near, least), &to_the_bottom, &model, rows);
         let best = class[0].clone();
         let next = rest.first().or(refused.first());
         let runner_up = told_apart.or(next.map(|next| RunnerUp {
@@ -252,7 +252,7 @@ pub fn name<'m>(
         effects.push(NamedEffect { name: best.name(), class, runner_up });
         // On its way to the effect the base may have left a valley in which the fit without it was held up: what is
         // gained is what is lost again without it, from here.
-        let (test, is_needed) = tested(&problem, &once, (&model, &blocks), [start, &coarse.model], rows);
+        let (test, is_needed) = tested(&problem, &once, (&model, &blocks), [start, &coarse.model]);
         if effects.len() == 1 {
             base = Some(test.fitted.clone());
         }
@@ -289,7 +289,7 @@ pub fn name<'m>(
     let mut place = 0;
     while effects.len() > 1 && place + 1 < effects.len() {
         let test = Without::of(&problem, &once, &model, usual + place, [start, &coarse.model]);
-        if test.shows_need(&model, &blocks, usual + place, rows) {
+        if test.shows_need(&problem, &model, &blocks, usual + place) {
             place += 1;
         } else {
             effects.remove(place);
@@ -302,13 +302,13 @@ pub fn name<'m>(
         // Weighed as all that is compared with it.
         Some(base) => fit(&problem, &base.model, Effort::Coarse(1), None),
         // What is noise is at its bottom, or nobody could tell.
-        None if coarse.cost <= PLAIN * rows[0] as f64 => coarse.clone(),
+        None if coarse.cost <= PLAIN * problem.count(Part::Fit) as f64 => coarse.clone(),
         None => fit(&problem, &coarse.model, Effort::Fine, None),
     };
     if effects.is_empty() {
         (model, blocks) = (base.clone(), Blocks::new(&problem, &base.model));
     }
-    let told = usual::told(&problem, &once, &model, [&blocks, &alone], [start, &coarse.model], rows);
+    let told = usual::told(&problem, &once, &model, [&blocks, &alone], [start, &coarse.model]);
     if !told.named.is_empty() {
         let ends = [&base.model, &coarse.model].map(|of| of.without_all(&told.places));
         base = base_refitted(&problem, &once, ends.each_ref(), model.total, |_, _| false).0;
@@ -318,6 +318,7 @@ pub fn name<'m>(
     smallest.retain(|one| effects.iter().all(|named| named.name != one.name));
     let blocks = [&base, &told.model].map(|fitted| Blocks::new(&problem, &fitted.model));
     let model = told.model;
+    let rows = problem.counts();
     (Named { clocks_behind_s, base, model, blocks, effects, refused, smallest, rows }, problem)
 }
 
@@ -328,16 +329,15 @@ fn tested(
     once: &Problem<'_>,
     (model, blocks): (&Fitted, &Blocks),
     bases: [&Model; 2],
-    rows: [usize; 2],
 ) -> (Without, bool) {
     let last = model.model.effects.len() - 1;
     let Some(louder) = Louder::for_what_is_left(problem, &model.model, bases) else {
         let test = Without::of(problem, once, model, last, bases);
-        let is_needed = test.shows_need(model, blocks, last, rows);
+        let is_needed = test.shows_need(problem, model, blocks, last);
         return (test, is_needed);
     };
     let test = Without::of(&louder.problem, &louder.once, &louder.fitted, last, bases);
-    let is_needed = test.shows_need(&louder.fitted, &louder.blocks, last, rows);
+    let is_needed = test.shows_need(&louder.problem, &louder.fitted, &louder.blocks, last);
     (test.in_terms_of(problem), is_needed)
 }
 

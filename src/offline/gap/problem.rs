@@ -49,6 +49,8 @@ pub struct AxisData {
     pub measured: Signals,
     /// How much louder than the floor the noise of each signal is, row by row; empty where it is as loud.
     pub loudness: [Loudness; SIGNALS.len()],
+    /// Power of what a model that is nearly right is off by there, in that of the floor; empty where it is straight.
+    pub bend: [Vec<f64>; SIGNALS.len()],
     /// Rows that models are fitted to.
     pub fit: Vec<bool>,
     /// Rows that no model is fitted to: they judge it.
@@ -158,6 +160,7 @@ impl<'m> Problem<'m> {
                 course: data.course.first(rows),
                 measured,
                 loudness: data.loudness.each_ref().map(first),
+                bend: data.bend.each_ref().map(first),
                 fit: data.fit[..rows].to_vec(),
                 held: vec![false; rows],
                 first_pass: rows,
@@ -301,7 +304,10 @@ impl<'m> Problem<'m> {
                 return Some(Vec::new());
             }
             let mut white = noise.whitened(&left);
-            white.iter_mut().zip(&data.loudness[signal]).for_each(|(value, loud)| *value /= loud);
+            let told = data.powers(signal).zip(self.weights(place, signal));
+            for (value, ([noise, bend], weight)) in white.iter_mut().zip(told) {
+                *value *= (weight / (noise + bend)).sqrt();
+            }
             for (value, counts) in white.iter_mut().zip(data.rows(part)) {
                 if !counts {
                     *value = 0.0;
@@ -312,38 +318,32 @@ impl<'m> Problem<'m> {
         self.noises.iter().enumerate().filter_map(of).collect()
     }
 
-    /// Noise of a signal on the rows of a part, rms in its unit: that of usual rows, or where the part is louder as much more.
+    /// Noise of a signal on the rows of a part, rms in its unit: that of usual rows, or where the part is louder as much more. Rows count as
+    /// much as is not left to chance.
     pub fn floor(&self, signal: usize, part: Part) -> Option<f64> {
-        self.floor_of_told(signal, part, self)
-    }
-
-    /// The same where rows count as much as they tell in `weighed`, which is of the same runs.
-    pub fn floor_of_told(&self, signal: usize, part: Part, weighed: &Self) -> Option<f64> {
         let noise = self.noises[signal].as_ref()?;
         let (mut sum, mut weights) = (0.0, 0.0);
         for (place, data) in self.data.iter().enumerate() {
-            let told = self.told(place, signal, weighed);
-            for ((loud, told), counts) in data.loudness[signal].iter().zip(told).zip(data.rows(part)) {
-                if *counts {
-                    sum += told * loud * loud;
-                    weights += told;
-                }
+            let rows = data.powers(signal).zip(self.told(place, signal)).zip(data.rows(part));
+            for (([power, _], told), _) in rows.filter(|(_, counts)| **counts) {
+                sum += told * power;
+                weights += told;
             }
         }
         let louder = (sum / f64::max(weights, f64::MIN_POSITIVE)).sqrt() / noise.usual;
         Some(noise.rms * louder.max(1.0))
     }
 
-    /// What a model leaves of each signal on the rows of a part, rms in its unit, where rows count as much as they tell in `weighed`, which is of
-    /// the same runs.
-    pub(super) fn left_of_told(&self, model: &Model, part: Part, weighed: &Self) -> [f64; SIGNALS.len()] {
+    /// What a model leaves of each signal on the rows of a part, rms in its unit, where rows count as much.
+    pub(super) fn rms_left(&self, model: &Model, part: Part) -> [f64; SIGNALS.len()] {
         let (mut sums, mut weights) = ([0.0; SIGNALS.len()], [0.0; SIGNALS.len()]);
         for place in self.places(part) {
             let simulated = self.simulated(place, model);
             for signal in 0..SIGNALS.len() {
                 let left = self.left(place, &simulated, signal, part);
-                let told = self.told(place, signal, weighed);
-                for ((value, told), counts) in left.iter().zip(told).zip(self.data[place].rows(part)) {
+                for ((value, told), counts) in
+                    left.iter().zip(self.told(place, signal)).zip(self.data[place].rows(part))
+                {
                     if *counts {
                         sums[signal] += told * value * value;
                         weights[signal] += told;
@@ -354,34 +354,9 @@ impl<'m> Problem<'m> {
         std::array::from_fn(|signal| (sums[signal] / f64::max(weights[signal], f64::MIN_POSITIVE)).sqrt())
     }
 
-    /// How much of each row of a run is not left to chance, as a share of its power: what `weighed` takes for louder than its noise is
-    /// what a slip does that comes a moment earlier or later.
-    pub fn told<'a>(
-        &'a self,
-        place: usize,
-        signal: usize,
-        weighed: &'a Self,
-    ) -> impl Iterator<Item = f64> + 'a {
-        let [noise, all] = [self, weighed].map(|problem| &problem.data[place].loudness[signal]);
-        noise.iter().zip(all).map(|(noise, all)| (noise / all).powi(2))
-    }
-
     /// The runs that have rows of a part.
     pub fn places(&self, part: Part) -> Vec<usize> {
         (0..self.data.len()).filter(|place| self.data[*place].has(part)).collect()
-    }
-
-    /// How many values of a part count.
-    pub fn count(&self, part: Part) -> usize {
-        let of = |data: &AxisData| {
-            let rows = data.rows(part).iter().filter(|counts| **counts).count();
-            let signals = SIGNALS
-                .iter()
-                .zip(&self.noises)
-                .filter(|((.., pick), noise)| noise.is_some() && !pick(&data.measured).is_empty());
-            rows * signals.count()
-        };
-        self.data.iter().map(of).sum()
     }
 
     /// Rows of a residual in so much time.

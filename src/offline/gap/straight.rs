@@ -6,9 +6,11 @@
 //!
 //! A table that breaks away a little earlier, or once less, bends some rows by many standard deviations of their noise. Until
 //! the parameters are known more closely than that, such rows say nothing of which way to go, and what they cost hangs
-//! on chance. So their bend counts as noise: widely at first, and more narrowly as the fit comes nearer.
+//! on chance. So their bend counts as noise: widely at first, and more narrowly as the fit comes nearer. It is no noise of single rows: a
+//! slip that comes later is as wrong in all rows near to it. What is all bend tells once for all of them together.
 //! Invariant: the same model, reach and seed give the same rows the same weight.
 
+use std::iter::repeat;
 use std::sync::Arc;
 
 use rand::{RngExt, SeedableRng};
@@ -18,7 +20,7 @@ use rayon::prelude::*;
 use super::floor::Pick;
 use super::forward::Signals;
 use super::model::Model;
-use super::problem::{AxisData, Problem, SIGNALS};
+use super::problem::{AxisData, Part, Problem, SIGNALS};
 use super::twin::BASE;
 use crate::offline::running_mean::running_mean;
 
@@ -27,7 +29,50 @@ const PAIRS: usize = 6;
 /// A row is as bent as those so near to it, s: an event may come that much earlier or later.
 const NEAR_S: f64 = 0.02;
 
+impl AxisData {
+    /// Of each row of a signal the power of its noise and that of its bend.
+    pub(super) fn powers(&self, signal: usize) -> impl Iterator<Item = [f64; 2]> + '_ {
+        let noises = self.loudness[signal].iter().map(|loud| loud * loud).chain(repeat(1.0));
+        noises.zip(self.bend[signal].iter().copied().chain(repeat(0.0))).map(Into::into).take(self.fit.len())
+    }
+}
+
 impl Problem<'_> {
+    /// How much of each row of a run is not left to chance, as a share of its power.
+    pub fn told(&self, place: usize, signal: usize) -> impl Iterator<Item = f64> + '_ {
+        self.data[place].powers(signal).map(|[noise, bend]| noise / (noise + bend))
+    }
+
+    /// How much each row of a run tells, by that of a row of noise.
+    pub(super) fn weights(&self, place: usize, signal: usize) -> impl Iterator<Item = f64> + '_ {
+        let near = self.rows_in(2.0 * NEAR_S) as f64;
+        self.told(place, signal).map(move |told| told + (1.0 - told) / near)
+    }
+
+    /// Places in [`SIGNALS`] of what a residual is of.
+    pub(super) fn signals(&self) -> Vec<usize> {
+        (0..SIGNALS.len()).filter(|signal| self.noises[*signal].is_some()).collect()
+    }
+
+    /// How many values of a part count, each as much as it tells.
+    pub fn count(&self, part: Part) -> usize {
+        let mut count = 0.0;
+        for (place, data) in self.data.iter().enumerate() {
+            for signal in self.signals() {
+                if !SIGNALS[signal].2(&data.measured).is_empty() {
+                    let weights = self.weights(place, signal).zip(data.rows(part));
+                    count += weights.filter(|(_, counts)| **counts).map(|(weight, _)| weight).sum::<f64>();
+                }
+            }
+        }
+        count as usize
+    }
+
+    /// The same of both parts.
+    pub(super) fn counts(&self) -> [usize; 2] {
+        [Part::Fit, Part::Held].map(|part| self.count(part))
+    }
+
     /// The same where rows count less if a model is not straight about them within a reach, in priors.
     #[must_use]
     pub fn where_straight(&self, model: &Model, reach: f64, seed: u64) -> Self {
@@ -56,14 +101,7 @@ impl Problem<'_> {
                 }
             }
             let mut data = self.data[place].clone();
-            for (loudness, squares) in data.loudness.iter_mut().zip(&squares) {
-                loudness.resize(squares.len(), 1.0);
-                let power = running_mean(squares, about);
-                loudness
-                    .iter_mut()
-                    .zip(power)
-                    .for_each(|(loud, power)| *loud = (*loud * *loud + power).sqrt());
-            }
+            data.bend = squares.each_ref().map(|squares| running_mean(squares, about));
             data
         };
         let data: Vec<AxisData> = (0..self.data.len()).into_par_iter().map(of).collect();

@@ -70,7 +70,6 @@ pub(super) fn told(
     model: &Fitted,
     [blocks, base]: [&Blocks; 2],
     [start, alone]: [&Model; 2],
-    rows: [usize; 2],
 ) -> Told {
     let (usual, all) = (start.effects.len(), model.model.effects.len());
     // All rows say how sure a force is.
@@ -84,10 +83,10 @@ pub(super) fn told(
             continue;
         }
         let test = Without::of(problem, once, &model, place, [start, &alone.without(place)]);
-        let gated = |fitted| judged(&free, &test.fitted, [&test.blocks, base], fitted, rows);
+        let gated = |fitted| judged(&free, &test.fitted, [&test.blocks, base], fitted);
         let mut own = gated(as_last);
         let is_needed = || {
-            test.shows_need(&model, blocks, place, rows)
+            test.shows_need(problem, &model, blocks, place)
                 && !is_louder(problem, [&model.model, &test.fitted.model])
         };
         if own.failed.is_empty() && !is_needed() {
@@ -144,7 +143,7 @@ fn is_more_than_laws_differ(with: &Model, without: &Model, fastest: Velocity) ->
 /// Whether the first of two models leaves more of a signal than the second, as it was measured: what is always there is slow, and
 /// whitened rows hardly show it.
 fn is_louder(problem: &Problem<'_>, models: [&Model; 2]) -> bool {
-    let [with, without] = models.map(|model| problem.left_of_told(model, Part::Held, problem));
+    let [with, without] = models.map(|model| problem.rms_left(model, Part::Held));
     with.iter().zip(without).any(|(with, without)| with * with > LOUDER * without * without)
 }
 

@@ -92,18 +92,13 @@ impl SignalGap {
     }
 }
 
-/// Rms of what models leave of the rows that were not fitted, each row weighed by how little of it is left to chance in
-/// `weighed`. Where a table creeps, a slip comes a moment earlier or later whatever the model is, and one of them outweighs a minute.
-pub(super) fn gaps(
-    problem: &Problem<'_>,
-    weighed: &Problem<'_>,
-    file: &Model,
-    named: &Named,
-) -> Vec<SignalGap> {
-    let rms = |model: &Model| problem.left_of_told(model, Part::Held, weighed);
+/// Rms of what models leave of the rows that were not fitted, each row weighed by how little of it is left to chance. Where a table creeps,
+/// a slip comes a moment earlier or later whatever the model is, and one of them outweighs a minute.
+pub(super) fn gaps(problem: &Problem<'_>, file: &Model, named: &Named) -> Vec<SignalGap> {
+    let rms = |model: &Model| problem.rms_left(model, Part::Held);
     let [file, before, after] = [file, &named.base.model, &named.model.model].map(rms);
     let of = |signal: usize| {
-        let floor = problem.floor_of_told(signal, Part::Held, weighed)?;
+        let floor = problem.floor(signal, Part::Held)?;
         let (name, factor, unit) = shown(signal);
         Some(SignalGap {
             signal: name,
@@ -143,12 +138,12 @@ pub(super) fn shape(problem: &Problem<'_>, named: &Named) -> Option<Rest> {
 }
 
 /// Whether what was named leaves much of what there is: then it is something else that looks like it from afar.
-pub(super) fn explains_too_little(problem: &Problem<'_>, weighed: &Problem<'_>, named: &Named) -> bool {
+pub(super) fn explains_too_little(problem: &Problem<'_>, named: &Named) -> bool {
     if !costs_more_than_noise(named) {
         return false;
     }
     let models = [&named.base.model, &named.model.model];
-    let mut blocks = blocks_of_power(problem, weighed, models);
+    let mut blocks = blocks_of_power(problem, models);
     // Somebody may have leaned on the table.
     blocks.sort_by(|a, b| a[1].total_cmp(&b[1]));
     blocks.truncate(blocks.len() - (LEANED * blocks.len() as f64).ceil() as usize);
@@ -165,10 +160,10 @@ fn leaves_much(blocks: &[[f64; 2]]) -> bool {
 
 /// Power of what two models leave of each block of the rows that were not fitted, in units of noise, of the signal that
 /// shows most. Rows count as in [`gaps`]: a second in which the table creeps outweighs a minute here as well.
-fn blocks_of_power(problem: &Problem<'_>, weighed: &Problem<'_>, models: [&Model; 2]) -> Vec<[f64; 2]> {
+fn blocks_of_power(problem: &Problem<'_>, models: [&Model; 2]) -> Vec<[f64; 2]> {
     let length = (BLOCK_S / problem.machine.cycle.period.as_s()) as usize;
     let floors: [Option<f64>; SIGNALS.len()] =
-        std::array::from_fn(|signal| problem.floor_of_told(signal, Part::Held, weighed));
+        std::array::from_fn(|signal| problem.floor(signal, Part::Held));
     let mut blocks = Vec::new();
     for place in problem.places(Part::Held) {
         let rows = problem.data[place].rows(Part::Held);
@@ -178,7 +173,7 @@ fn blocks_of_power(problem: &Problem<'_>, weighed: &Problem<'_>, models: [&Model
                 let floor = floors[signal]?;
                 let of = |simulated: &Signals| -> Vec<f64> {
                     let left = problem.left(place, simulated, signal, Part::Held);
-                    let told = problem.told(place, signal, weighed);
+                    let told = problem.told(place, signal);
                     left.iter().zip(told).map(|(value, told)| told * (value / floor).powi(2)).collect()
                 };
                 Some(simulated.each_ref().map(of))

@@ -53,7 +53,14 @@ impl Without {
     }
 
     /// Whether it does worse on both parts than the model with the effect.
-    pub(super) fn shows_need(&self, model: &Fitted, blocks: &Blocks, place: usize, rows: [usize; 2]) -> bool {
+    pub(super) fn shows_need(
+        &self,
+        problem: &Problem<'_>,
+        model: &Fitted,
+        blocks: &Blocks,
+        place: usize,
+    ) -> bool {
+        let rows = problem.counts();
         let parameters = model.model.effects[place].entry.parameters.len() as f64;
         let explained = self.fitted.total - model.total;
         let fall = explained / scale(model.cost, rows[0]) - parameters * (rows[0] as f64).ln();

@@ -59,11 +59,10 @@ fn middle(values: &[f64]) -> f64 {
 
 /// What is left of the deflection of a run, from a zero of its own. Rows in which a slip comes a moment later say little of where that is.
 pub(super) fn to_zero(left: &mut [f64], data: &AxisData, part: Part) {
-    let louds = data.loudness[DEFLECTION].iter().copied().chain(std::iter::repeat(1.0));
     let (mut sum, mut weights) = (0.0, 0.0);
-    for ((value, counts), loud) in left.iter().zip(data.rows(part)).zip(louds) {
+    for ((value, counts), [noise, bend]) in left.iter().zip(data.rows(part)).zip(data.powers(DEFLECTION)) {
         if *counts {
-            let weight = (loud * loud).recip();
+            let weight = (noise + bend).recip();
             sum += weight * value;
             weights += weight;
         }
