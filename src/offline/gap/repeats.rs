@@ -1,6 +1,7 @@
 //! Where a command comes again: in the laps of a run, and in runs of the same command.
 //!
-//! A lap need not be a whole number of rows. Where a run has none, motions between rests may come again in it.
+//! A lap need not be a whole number of rows. Where a run has none, motions between rests may come again in it. Where nothing comes again at
+//! its place, it may elsewhere: what lies along the way is noise then.
 //! Invariant: what was measured takes no part.
 
 use super::motions::motions;
@@ -29,11 +30,17 @@ pub struct Repeat {
 
 /// The repeats in and between runs.
 pub fn repeats(runs: &[Run]) -> Vec<Repeat> {
+    let found = repeats_from(runs, |_| 0.0);
+    if found.is_empty() { repeats_from(runs, |setpoint_m| setpoint_m[0]) } else { found }
+}
+
+/// The repeats of setpoints from a place of each run.
+fn repeats_from(runs: &[Run], from_m: fn(&[f64]) -> f64) -> Vec<Repeat> {
     let mut found = Vec::new();
     for (index, run) in runs.iter().enumerate() {
         found.extend(laps(index, run).or_else(|| motions_again(index, run)));
         for (other, twin) in runs.iter().enumerate().skip(index + 1) {
-            if is_same_command(run, twin) {
+            if is_same_command(run, twin, from_m) {
                 let rows = [(FADE_S / run.period_s) as usize, run.len().min(twin.len()) - 1];
                 if rows[1] <= rows[0] {
                     continue;
@@ -60,15 +67,16 @@ pub fn first_pass(run: usize, rows: usize, repeats: &[Repeat]) -> usize {
     repeats.iter().filter_map(of).min().unwrap_or(rows).min(rows)
 }
 
-fn is_same_command(run: &Run, twin: &Run) -> bool {
+fn is_same_command(run: &Run, twin: &Run, from_m: fn(&[f64]) -> f64) -> bool {
     let rows = run.len().min(twin.len());
     let is_long = run.len().abs_diff(twin.len()) * 50 < rows;
     let span_m = span_m(run);
     is_long
         && run.axes.iter().all(|(id, axis)| {
             twin.axes.get(id).is_some_and(|other| {
-                (0..rows)
-                    .all(|row| (axis.setpoint_m[row] - other.setpoint_m[row]).abs() <= SAME_SHARE * span_m)
+                let [own, other] = [&axis.setpoint_m, &other.setpoint_m];
+                let apart_m = from_m(own) - from_m(other);
+                (0..rows).all(|row| (own[row] - other[row] - apart_m).abs() <= SAME_SHARE * span_m)
             })
         })
 }
@@ -233,7 +241,37 @@ pub(super) fn at(column: &[f64], row: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::runs::AxisRun;
     use super::*;
+    use crate::base::axis::AxisId;
+
+    /// A motion of an axis from a place.
+    fn motion(from_m: f64, way_m: f64) -> Run {
+        let rows = 6_000_usize;
+        let at = |row: usize| from_m + way_m * (row.saturating_sub(1_000) as f64 / 4_000.0).min(1.0);
+        let axis = AxisRun {
+            setpoint_m: (0..rows).map(at).collect(),
+            position_m: vec![0.0; rows],
+            table_m: None,
+            current_a: vec![0.0; rows],
+        };
+        Run {
+            name: "stroke".into(),
+            start_s: 0.0,
+            period_s: 5e-4,
+            axes: [(AxisId::X, axis)].into(),
+            is_sound: vec![true; rows],
+        }
+    }
+
+    #[test]
+    fn a_motion_comes_again_elsewhere_where_nothing_comes_again_at_its_place() {
+        let [here, there, other] = [motion(0.0, 0.02), motion(0.1, 0.02), motion(0.1, -0.02)];
+        let of = |runs: &[Run]| repeats(runs).iter().map(|repeat| repeat.runs).collect::<Vec<_>>();
+        assert_eq!(of(&[here.clone(), there.clone(), other.clone()]), [[0, 1]]);
+        assert_eq!(of(&[here.clone(), there, here.clone()]), [[0, 2]], "it does at its place");
+        assert!(of(&[here, other]).is_empty());
+    }
 
     #[test]
     fn a_command_that_an_earlier_run_had_has_no_first_pass() {
