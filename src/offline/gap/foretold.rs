@@ -15,7 +15,7 @@ use super::fit::share_that_holds;
 use super::linear::{Linear, Loss, Steps, residuals};
 use super::locate::{Coordinates, coordinates, place_of};
 use super::model::Model;
-use super::problem::{Part, Problem, Residual, SIGNALS};
+use super::problem::{Part, Problem, Residual};
 use super::rest::{Rest, Shows};
 use super::tones::tones;
 use crate::plant::effects::Coordinate;
@@ -59,7 +59,7 @@ pub(super) fn foretold(problem: &Problem<'_>, model: &Model) -> Option<Foretold>
     // Rows of stick and slip in one signal may hold the base where all others want a little less friction: that is no shape of
     // something else. So each signal has the base that it wants.
     let linear = parts.map(|left| Linear::new(problem, model, left, None, &Steps::widest(model)));
-    let signals = problem.noises.iter().flatten().count();
+    let signals = problem.signals().len();
     let by_signal: Vec<[Vec<Residual>; 2]> = (0..signals)
         .into_par_iter()
         .map(|place| made_up_for(linear.each_ref(), place))
@@ -86,7 +86,7 @@ fn largest(problem: &Problem<'_>, left: &[Vec<&Residual>; 2]) -> Option<Foretold
     let places = (0..problem.data.len()).into_par_iter();
     let runs: Vec<Run> = places.map(|place| Run::new(problem, left, place)).collect();
     // What is left has no place for a signal without noise.
-    let signals: Vec<usize> = (0..SIGNALS.len()).filter(|signal| problem.noises[*signal].is_some()).collect();
+    let signals = problem.signals();
     let places = || signals.iter().copied().enumerate();
     let shapes: Vec<(usize, usize, Coordinate)> =
         places().flat_map(|(place, signal)| OVER.map(|over| (place, signal, over))).collect();

@@ -71,7 +71,7 @@ impl Peaks {
         };
         let runs: Vec<_> = problem.places(Part::Fit).into_par_iter().map(of_run).collect();
         let period_s = problem.machine.cycle.period.as_s();
-        let signals = problem.noises.iter().flatten().count();
+        let signals = problem.signals().len();
         let of = |per_unit: f64, ranges: &[[f64; 2]], is_in_time: bool| -> Vec<f64> {
             let of_signal = |signal: usize| {
                 let sums = runs.iter().map(|(in_time, by_place)| {
