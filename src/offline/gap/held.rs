@@ -55,7 +55,6 @@ pub(super) fn held_groups(runs: &[Run], groups: &[usize]) -> Option<Vec<usize>> 
 mod tests {
     use std::f64::consts::TAU;
 
-    use super::super::runs::AxisRun;
     use super::*;
 
     const PERIOD_S: f64 = 5e-4;
@@ -63,19 +62,8 @@ mod tests {
     /// A run of two axes whose setpoints are so at a time.
     fn run(seconds: f64, at: impl Fn(f64) -> [f64; 2]) -> Run {
         let rows = (seconds / PERIOD_S) as usize;
-        let axis = |which: usize| AxisRun {
-            setpoint_m: (0..rows).map(|row| at(row as f64 * PERIOD_S)[which]).collect(),
-            position_m: vec![0.0; rows],
-            table_m: None,
-            current_a: vec![0.0; rows],
-        };
-        Run {
-            name: "all, part 1".into(),
-            start_s: 0.0,
-            period_s: PERIOD_S,
-            axes: [(AxisId::X, axis(0)), (AxisId::Y, axis(1))].into(),
-            is_sound: vec![true; rows],
-        }
+        let column = |which: usize| (0..rows).map(|row| at(row as f64 * PERIOD_S)[which]).collect();
+        Run::of_setpoints(PERIOD_S, [(AxisId::X, column(0)), (AxisId::Y, column(1))])
     }
 
     #[test]

@@ -118,7 +118,6 @@ pub(super) fn part_of(run: &Run, rows: &Range<usize>, name: String) -> Run {
 
 #[cfg(test)]
 mod tests {
-    use std::collections::BTreeMap;
     use std::f64::consts::TAU;
 
     use super::super::repeats::repeats;
@@ -167,15 +166,8 @@ mod tests {
         }
 
         fn run(self) -> Run {
-            let rows = self.x_m.len();
-            let axis = |setpoint_m: Vec<f64>| AxisRun {
-                position_m: setpoint_m.clone(),
-                current_a: vec![0.0; rows],
-                table_m: None,
-                setpoint_m,
-            };
-            let axes = BTreeMap::from([(AxisId::X, axis(self.x_m)), (AxisId::Y, axis(self.y_m))]);
-            Run { name: "all".to_owned(), start_s: 7.0, period_s: PERIOD_S, axes, is_sound: vec![true; rows] }
+            let setpoints_m = [(AxisId::X, self.x_m), (AxisId::Y, self.y_m)];
+            Run { start_s: 7.0, ..Run::of_setpoints(PERIOD_S, setpoints_m) }
         }
     }
 

@@ -304,14 +304,9 @@ impl<'m> Problem<'m> {
                 return Some(Vec::new());
             }
             let mut white = noise.whitened(&left);
-            let told = data.powers(signal).zip(self.weights(place, signal));
-            for (value, ([noise, bend], weight)) in white.iter_mut().zip(told) {
-                *value *= (weight / (noise + bend)).sqrt();
-            }
-            for (value, counts) in white.iter_mut().zip(data.rows(part)) {
-                if !counts {
-                    *value = 0.0;
-                }
+            let rows = self.scales(place, signal).zip(data.rows(part));
+            for (value, (scale, counts)) in white.iter_mut().zip(rows) {
+                *value = if *counts { *value * scale } else { 0.0 };
             }
             Some(white)
         };

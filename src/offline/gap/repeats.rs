@@ -30,26 +30,28 @@ pub struct Repeat {
 
 /// The repeats in and between runs.
 pub fn repeats(runs: &[Run]) -> Vec<Repeat> {
-    let found = repeats_from(runs, |_| 0.0);
-    if found.is_empty() { repeats_from(runs, |setpoint_m| setpoint_m[0]) } else { found }
-}
-
-/// The repeats of setpoints from a place of each run.
-fn repeats_from(runs: &[Run], from_m: fn(&[f64]) -> f64) -> Vec<Repeat> {
     let mut found = Vec::new();
     for (index, run) in runs.iter().enumerate() {
         found.extend(laps(index, run).or_else(|| motions_again(index, run)));
-        for (other, twin) in runs.iter().enumerate().skip(index + 1) {
-            if is_same_command(run, twin, from_m) {
-                let rows = [(FADE_S / run.period_s) as usize, run.len().min(twin.len()) - 1];
-                if rows[1] <= rows[0] {
-                    continue;
-                }
-                found.push(Repeat { runs: [index, other], shift: 0.0, rows });
-            }
-        }
+        found.extend(again(runs, index, |_| 0.0));
+    }
+    if found.is_empty() {
+        found.extend((0..runs.len()).flat_map(|index| again(runs, index, |setpoint_m| setpoint_m[0])));
     }
     found
+}
+
+/// The repeats of a run in those after it, by setpoints from a place of each.
+fn again(runs: &[Run], index: usize, from_m: fn(&[f64]) -> f64) -> impl Iterator<Item = Repeat> {
+    let run = &runs[index];
+    runs.iter()
+        .enumerate()
+        .skip(index + 1)
+        .filter(move |(_, twin)| is_same_command(run, twin, from_m))
+        .filter_map(move |(other, twin)| {
+            let rows = [(FADE_S / run.period_s) as usize, run.len().min(twin.len()) - 1];
+            (rows[1] > rows[0]).then_some(Repeat { runs: [index, other], shift: 0.0, rows })
+        })
 }
 
 /// How many rows a run has until its command only repeats: its first lap with the start of the second; none where it is that of a
@@ -241,7 +243,6 @@ pub(super) fn at(column: &[f64], row: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::runs::AxisRun;
     use super::*;
     use crate::base::axis::AxisId;
 
@@ -249,19 +250,7 @@ mod tests {
     fn motion(from_m: f64, way_m: f64) -> Run {
         let rows = 6_000_usize;
         let at = |row: usize| from_m + way_m * (row.saturating_sub(1_000) as f64 / 4_000.0).min(1.0);
-        let axis = AxisRun {
-            setpoint_m: (0..rows).map(at).collect(),
-            position_m: vec![0.0; rows],
-            table_m: None,
-            current_a: vec![0.0; rows],
-        };
-        Run {
-            name: "stroke".into(),
-            start_s: 0.0,
-            period_s: 5e-4,
-            axes: [(AxisId::X, axis)].into(),
-            is_sound: vec![true; rows],
-        }
+        Run::of_setpoints(5e-4, [(AxisId::X, (0..rows).map(at).collect())])
     }
 
     #[test]

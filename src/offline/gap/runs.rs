@@ -118,6 +118,23 @@ pub struct AxisRun {
     pub current_a: Vec<f64>,
 }
 
+#[cfg(test)]
+impl Run {
+    /// One whose axes are where they should be and draw no current.
+    pub(super) fn of_setpoints(
+        period_s: f64,
+        setpoints_m: impl IntoIterator<Item = (AxisId, Vec<f64>)>,
+    ) -> Self {
+        let axis = |(id, setpoint_m): (AxisId, Vec<f64>)| {
+            let current_a = vec![0.0; setpoint_m.len()];
+            (id, AxisRun { position_m: setpoint_m.clone(), table_m: None, current_a, setpoint_m })
+        };
+        let axes: BTreeMap<AxisId, AxisRun> = setpoints_m.into_iter().map(axis).collect();
+        let rows = axes.values().map(|axis| axis.setpoint_m.len()).max().unwrap_or(0);
+        Self { name: "all".to_owned(), start_s: 0.0, period_s, axes, is_sound: vec![true; rows] }
+    }
+}
+
 /// From the least value of a column to its greatest.
 pub(super) fn span(column: &[f64]) -> f64 {
     let [low, high] = column

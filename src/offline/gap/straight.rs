@@ -40,13 +40,20 @@ impl AxisData {
 impl Problem<'_> {
     /// How much of each row of a run is not left to chance, as a share of its power.
     pub fn told(&self, place: usize, signal: usize) -> impl Iterator<Item = f64> + '_ {
-        self.data[place].powers(signal).map(|[noise, bend]| noise / (noise + bend))
+        self.data[place].powers(signal).map(told)
     }
 
     /// How much each row of a run tells, by that of a row of noise.
     pub(super) fn weights(&self, place: usize, signal: usize) -> impl Iterator<Item = f64> + '_ {
-        let near = self.rows_in(2.0 * NEAR_S) as f64;
-        self.told(place, signal).map(move |told| told + (1.0 - told) / near)
+        let near = self.rows_in(2.0 * NEAR_S);
+        self.data[place].powers(signal).map(move |powers| weight(powers, near))
+    }
+
+    /// What whitened values of each row of a run are multiplied with, so that they are as loud as they tell.
+    pub(super) fn scales(&self, place: usize, signal: usize) -> impl Iterator<Item = f64> + '_ {
+        let near = self.rows_in(2.0 * NEAR_S);
+        let scale = move |[noise, bend]: [f64; 2]| (weight([noise, bend], near) / (noise + bend)).sqrt();
+        self.data[place].powers(signal).map(scale)
     }
 
     /// Places in [`SIGNALS`] of what a residual is of.
@@ -56,9 +63,9 @@ impl Problem<'_> {
 
     /// How many values of a part count, each as much as it tells.
     pub fn count(&self, part: Part) -> usize {
-        let mut count = 0.0;
+        let (signals, mut count) = (self.signals(), 0.0);
         for (place, data) in self.data.iter().enumerate() {
-            for signal in self.signals() {
+            for signal in signals.iter().copied() {
                 if !SIGNALS[signal].2(&data.measured).is_empty() {
                     let weights = self.weights(place, signal).zip(data.rows(part));
                     count += weights.filter(|(_, counts)| **counts).map(|(weight, _)| weight).sum::<f64>();
@@ -107,6 +114,17 @@ impl Problem<'_> {
         let data: Vec<AxisData> = (0..self.data.len()).into_par_iter().map(of).collect();
         self.with_data(Arc::new(data))
     }
+}
+
+/// What is noise of a row, as a share of its power.
+fn told([noise, bend]: [f64; 2]) -> f64 {
+    noise / (noise + bend)
+}
+
+/// How much a row tells, by that of a row of noise, where its bend is that of so many.
+fn weight(powers: [f64; 2], near: usize) -> f64 {
+    let told = told(powers);
+    told + (1.0 - told) / near as f64
 }
 
 fn bend(here: &Signals, sides: &[Signals; 2], pick: Pick) -> Vec<f64> {
