@@ -124,19 +124,27 @@ impl<'a> ClosedAxis<'a> {
     }
 
     /// The axis of a machine with the gains of a set, taken over as it was measured. Its `plant` need not be what its
-    /// control believes.
+    /// control believes. One at rest has no more current than its friction holds: otherwise the model would slip where the machine
+    /// stood.
     pub fn taken_over(axis: &'a Axis, gain_set: u8, plant: &Parameters, start: &Start) -> Self {
         let tick = axis.control.tick;
         let mut settings = Settings { gain_set_count: 1, ..axis.control };
         settings.gain_sets[0] = axis.control.gain_sets[usize::from(gain_set)];
-        let torque = plant.actuator.torque(start.current);
+        let mut torque = plant.actuator.torque(start.current);
+        let mut start = *start;
         let moving = if start.velocity == Velocity::ZERO {
-            Plant::standing(plant, tick, plant.mechanics.force_of_torque(torque), start.position)
+            let force = plant.mechanics.force_of_torque(torque);
+            let standing = Plant::standing(plant, tick, force, start.position);
+            if standing.drive_force() != force {
+                torque = plant.mechanics.torque_for_force(standing.drive_force());
+                start.current = plant.actuator.current(torque);
+            }
+            standing
         } else {
             Plant::sliding(plant, tick, start.velocity, start.position)
         };
         let handover = Handover::Torque(torque);
-        Self::begin(axis, settings, plant.otherwise(), moving.after(start.time), start, handover)
+        Self::begin(axis, settings, plant.otherwise(), moving.after(start.time), &start, handover)
     }
 
     fn begin(

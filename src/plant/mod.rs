@@ -44,6 +44,8 @@ use maps::Motion;
 /// Shares of what friction holds: a standing table that is pulled with the second and more leans on a flank; with the first and less it is
 /// taken to hang free between both, for that may be the noise of a current.
 const LEANS: [f64; 2] = [0.01, 0.02];
+/// Share of break-away that a table at rest is taken to stand: at its end any rounding of a current would let it slip.
+const STANDS: f64 = 0.99;
 /// Steps of a tick while the table creeps, reverses or may break away.
 pub const FINE_STEPS: u32 = 10;
 /// A dead time of the actuator is shorter than so many ticks: that of any machine file with any delay that is tried beside it, in the
@@ -126,30 +128,37 @@ impl Plant {
         plant
     }
 
-    /// An axis that friction holds at rest against this force of its motor, wound up by it; its motor is at zero now, at a place of
+    /// An axis at rest, wound up by as much of this force of its motor as friction holds; its motor is at zero now, at a place of
     /// the machine. Play is taken up on the side of the force, less of it where the force is little, and none where it is as good as none.
     ///
     /// # Panics
     /// As [`Plant::new`].
     pub fn standing(axis: &Parameters, tick: Span, force: Force, place: Position) -> Self {
-        let held_n = Law::new(axis.friction).breakaway().as_n();
-        let force_n = force.as_n().clamp(-held_n, held_n);
-        let [free_n, leans_n] = LEANS.map(|share| share * held_n);
+        let gap = Gap::new(axis.mechanics.backlash_m);
+        let still = Self::from_state(axis, tick, FINE_STEPS, [0.0; 5], 0.0, gap);
+        let force_n = still.held_n(force.as_n(), place);
+        let [free_n, leans_n] = LEANS.map(|share| share * still.body.law.breakaway().as_n());
         let leant = (force_n.abs() - free_n) / (leans_n - free_n).max(f64::MIN_POSITIVE);
         let side = leant.clamp(0.0, 1.0).copysign(force_n);
-        let motion = [0.0, 0.0, 0.0, force_n, 0.0];
-        let gap = Gap::new(axis.mechanics.backlash_m);
-        let mut plant = Self::from_state(axis, tick, FINE_STEPS, motion, 0.0, gap)
-            .wound_up(axis, force_n, place)
-            .leaning(axis, side);
+        let mut plant = still.wound_up(axis, force_n, place).leaning(axis, side);
         if let Some(acting) = &plant.acting {
             plant.body.remembered = acting.remembered_at_rest(force_n, place);
         }
         plant
     }
 
+    /// As much of a force of the motor as friction holds at a place, with whatever else pulls at the table there, N.
+    fn held_n(&self, force_n: f64, place: Position) -> f64 {
+        let breakaway_n = STANDS * self.body.law.breakaway().as_n();
+        match &self.acting {
+            Some(acting) => acting.held_n(breakaway_n, force_n, place),
+            None => held_beside(self.bare.push_n, breakaway_n, force_n),
+        }
+    }
+
     /// The same at a place of the machine, its screw, drive and dead time at a force.
     fn wound_up(mut self, axis: &Parameters, force_n: f64, place: Position) -> Self {
+        self.body.motion[3] = force_n;
         let stiffness_n_per_m = axis.mechanics.stiffness_n_per_m;
         self.body.motion[0] = match &self.acting {
             Some(acting) => acting.wound_up_m(stiffness_n_per_m, force_n, place),
@@ -289,6 +298,11 @@ impl Plant {
         held_a != command.as_a()
     }
 
+    /// What the drive pushes with, on the table's side.
+    pub fn drive_force(&self) -> Force {
+        Force::n(self.body.motion[3])
+    }
+
     /// What motor encoder and table scale show where they are at these places.
     pub fn shown(&self, motor: Position, table: Position) -> [Position; 2] {
         let Some(acting) = &self.acting else { return [motor, table] };
@@ -313,6 +327,11 @@ impl Plant {
         let shown_m = acting.as_ref().map(|acting| acting.crossing_m(next, &mut body.remembered));
         Position::m(shown_m.unwrap_or(0.0))
     }
+}
+
+/// As much of a force as holds a table still together with another, where friction holds so much, N.
+fn held_beside(other_n: f64, breakaway_n: f64, force_n: f64) -> f64 {
+    (force_n + other_n).clamp(-breakaway_n, breakaway_n) - other_n
 }
 
 /// Force of the drive, on the table's side, that keeps an axis at a velocity at a place of the machine.

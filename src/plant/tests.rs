@@ -325,6 +325,37 @@ fn an_axis_that_stands_wound_up_stays_where_it_is() {
 }
 
 #[test]
+fn an_axis_stands_wound_up_by_no_more_than_friction_holds() {
+    let base = paper_axis();
+    let breakaway_n = Law::new(base.friction).breakaway().as_n();
+    for (name, values, most_n) in [
+        ("constant-force", vec![-300.0], [-breakaway_n + 300.0, breakaway_n + 300.0]),
+        ("direction-asymmetry", vec![20.0], [-0.8 * breakaway_n, 1.2 * breakaway_n]),
+        // 0.1 m from where it pulls nothing.
+        ("spring-load", vec![2.0, 0.0], [-breakaway_n + 200.0, breakaway_n + 200.0]),
+    ] {
+        let entry = entry(name).expect("an effect");
+        let mut all = entry.nominal();
+        all[..values.len()].copy_from_slice(&values);
+        let axis = base.with_effect(entry, all);
+        let slips = |force_n: f64, share: f64| {
+            let mut plant = Plant::standing(&axis, TICK, Force::n(force_n), Position::m(0.1));
+            let force = plant.drive_force() * share;
+            for _ in 0..100 {
+                plant.step(axis.actuator.current(axis.mechanics.torque_for_force(force)));
+            }
+            (!plant.state().is_stuck, plant.drive_force().as_n())
+        };
+        for most_n in most_n {
+            let asked_n = 3.0 * most_n;
+            let (slips_here, held_n) = slips(asked_n, 1.0);
+            assert!(!slips_here && (held_n / most_n - 1.0).abs() < 0.02, "{name}: {held_n} N of {most_n} N");
+            assert!(slips(asked_n, 1.05).0, "{name}: {held_n} N is not all that friction holds");
+        }
+    }
+}
+
+#[test]
 fn a_standing_table_that_hardly_anything_pulls_hangs_between_the_flanks() {
     let mut axis = paper_axis();
     axis.mechanics.backlash_m = 5e-6;

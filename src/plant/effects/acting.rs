@@ -3,6 +3,7 @@
 //! Invariant: immutable; what changes from step to step is in [`Remembered`].
 
 use super::super::friction::Law;
+use super::super::held_beside;
 use super::super::params::Parameters;
 use super::catalogue::{Effects, Entry, Values};
 use super::hooks::{Action, Bristles, Crossing, Force, Friction, Instant, Memory, Neighbour, Pace, Reading};
@@ -137,6 +138,14 @@ impl Acting {
             }
         }
         all
+    }
+
+    /// As much of a force of the screw as friction holds at a place, where the law alone would hold `breakaway_n`, N.
+    pub(in crate::plant) fn held_n(&self, breakaway_n: f64, force_n: f64, place: Position) -> f64 {
+        let at = steady(Velocity::ZERO, place, Newtons::n(force_n));
+        let other_n = self.on_table_n(&at, &self.remembered(0.0, 0.0));
+        let at = Instant { side: (force_n + other_n).signum(), ..at };
+        held_beside(other_n, self.friction_n(breakaway_n, &at), force_n)
     }
 
     /// What is remembered at rest by an axis whose screw pulls its table with a force: bristles hold it, and what else pulls.
