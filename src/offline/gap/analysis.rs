@@ -248,7 +248,7 @@ pub fn problem_of<'m>(
     let mut data = data(machine, runs, repeats, id, phases);
     for (signal, noise) in noises.iter().enumerate() {
         let Some(noise) = noise else { continue };
-        let loudness = floor::loudness(repeats, runs, &measured, SIGNALS[signal].2, noise);
+        let loudness = floor::loudness(repeats, runs, id, &measured, SIGNALS[signal].2, noise);
         for data in &mut data {
             let rows = data.from..loudness[data.run].len().min(data.from + data.fit.len());
             data.loudness[signal] = loudness[data.run].get(rows).unwrap_or_default().to_vec();

@@ -12,16 +12,25 @@
 //! that knows nothing of slow noise, and is called so.
 //! Units: those of the signal. Invariant: no model takes part.
 
+use std::ops::Range;
+
 use super::forward::Signals;
 use super::lines::{lines, without};
 use super::repeats::{Repeat, at};
 use super::runs::Run;
+use crate::base::axis::AxisId;
 use crate::offline::median::median;
 
 /// Stick and slip come at other moments in each pass. Blocks of this length whose power is so many times the usual
 /// hold such an event and are no noise. s.
 const BLOCK_S: f64 = 0.2;
 const EVENT: f64 = 4.0;
+/// At least so many blocks that are as fast tell how loud it is there, and of the same run fewer; slower than this is rest, m/s.
+const AS_FAST: usize = 5;
+const OWN: usize = 2;
+const STILL_M_S: f64 = 1e-5;
+/// Variance of the fourth differences of white noise of variance 1.
+const ROUGH: f64 = 70.0;
 /// Order of the whitening filter: rows after one that does not count do so no more until it is forgotten.
 pub(super) const ORDER: usize = 12;
 /// Rows that are whitened together.
@@ -108,34 +117,29 @@ pub fn noise(
 /// How many times louder than the quiet rows each row of a run is; at least 1.
 pub type Loudness = Vec<f64>;
 
-/// Loudness of each run, from its passes. Where there is none a row is as loud as rows of passes that are as rough: an axis
-/// that is shaken at speed shows so in its second differences.
+/// Loudness of each run of an axis, from its passes. Where there is none a row is as loud as most rows of passes that are about as fast,
+/// or louder by as much as most of its run is rougher: somebody may have measured it with another sensor. Rows alone may be rough
+/// because loops of two periods make steps.
 pub fn loudness(
     repeats: &[Repeat],
     runs: &[Run],
+    id: AxisId,
     measured: &[Option<Signals>],
     pick: Pick,
     noise: &Noise,
 ) -> Vec<Loudness> {
     let mut squares: Vec<Vec<[f64; 2]>> = runs.iter().map(|run| vec![[0.0; 2]; run.len()]).collect();
-    let rough: Vec<Vec<f64>> = measured
-        .iter()
-        .zip(runs)
-        .map(|(signals, run)| {
-            signals.as_ref().map_or_else(Vec::new, |all| roughness(pick(all), run.period_s))
-        })
-        .collect();
-    // How rough a block is, and its power.
-    let mut louder: Vec<[f64; 2]> = Vec::new();
+    let mut passed: Vec<(Block, [usize; 2])> = Vec::new();
     for (repeat, signals) in told(repeats, measured, pick) {
-        let period_s = runs[repeat.runs[0]].period_s;
+        let (run, period_s) = (&runs[repeat.runs[0]], runs[repeat.runs[0]].period_s);
         let difference = without(differences(repeat, runs, signals), &noise.lines, period_s);
         let white = noise.whitened(&difference);
         let length = ((BLOCK_S / period_s) as usize).max(1);
         for (number, block) in white.chunks(length).enumerate() {
             let power = block.iter().map(|value| value * value).sum::<f64>() / block.len() as f64;
             let from = repeat.rows[0] + number * length;
-            louder.push([mean(rough[repeat.runs[0]].iter().skip(from).take(block.len())), power]);
+            let rows = from..(from + block.len()).min(signals[0].len());
+            passed.push((Block { power, ..Block::of(run, id, signals[0], rows) }, repeat.runs));
             for (run, shift) in repeat.runs.into_iter().zip([0, repeat.shift.round() as usize]) {
                 for sum in squares[run].iter_mut().skip(from + shift).take(length) {
                     *sum = [sum[0] + power, sum[1] + 1.0];
@@ -143,23 +147,86 @@ pub fn loudness(
             }
         }
     }
-    let per_roughness = per_roughness(louder);
-    let of = |(run, rough): (Vec<[f64; 2]>, &Vec<f64>)| {
-        let loud = |([sum, count], rough): ([f64; 2], &f64)| {
-            let power = if count > 0.0 { sum / count } else { 1.0 + per_roughness * rough };
-            power.max(1.0).sqrt()
+    let of = |(run, squares): (usize, Vec<[f64; 2]>)| {
+        let Some(signal) = measured[run].as_ref().map(pick).filter(|signal| !signal.is_empty()) else {
+            return Vec::new();
         };
-        run.into_iter().zip(rough).map(loud).collect()
+        let length = ((BLOCK_S / runs[run].period_s) as usize).max(1);
+        let is_passed = |[_, count]: &[f64; 2]| *count > 0.0;
+        let beside = |(number, squares): (usize, &[[f64; 2]])| {
+            let rows = number * length..number * length + squares.len();
+            let is_alone = !squares.iter().all(is_passed);
+            is_alone.then(|| Block::of(&runs[run], id, signal, rows).beside(&passed, run))
+        };
+        let alike: Vec<Option<Alike>> = squares.chunks(length).enumerate().map(beside).collect();
+        let rougher = alike.iter().flatten().map(|alike| alike.rougher).collect();
+        let more = lower_quartile(rougher).map_or(0.0, |rougher| noise.white_power(rougher.max(0.0) / ROUGH));
+        let loud = |(squares, alike): (&[[f64; 2]], Option<Alike>)| -> Vec<f64> {
+            let alone = alike.map_or(1.0, |alike| alike.power + more);
+            let power = |[sum, count]: &[f64; 2]| if *count > 0.0 { sum / count } else { alone };
+            squares.iter().map(|squares| power(squares).max(1.0).sqrt()).collect()
+        };
+        squares.chunks(length).zip(alike).flat_map(loud).collect()
     };
-    squares.into_iter().zip(&rough).map(of).collect()
+    squares.into_iter().enumerate().map(of).collect()
 }
 
-/// Mean square of the second differences about each row: of most rows, so that single jumps are none of it.
-fn roughness(signal: &[f64], period_s: f64) -> Vec<f64> {
-    let length = ((BLOCK_S / period_s) as usize).max(3);
-    let of =
-        |block: &[f64]| std::iter::repeat_n(usual_power(second_squares(block)).unwrap_or(0.0), block.len());
-    signal.chunks(length).flat_map(of).collect()
+fn lower_quartile(mut values: Vec<f64>) -> Option<f64> {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 4).copied()
+}
+
+/// What rows of passes that are about as fast say of others.
+#[derive(Clone, Copy, Debug)]
+struct Alike {
+    power: f64,
+    /// By how much those others are rougher.
+    rougher: f64,
+}
+
+/// Rows of a pass.
+#[derive(Clone, Copy, Debug)]
+struct Block {
+    /// Mean speed of the setpoint, in octaves of m/s.
+    octave: f64,
+    /// Mean square of fourth differences, to which motion is smooth.
+    roughness: f64,
+    /// Of what passes differ by, whitened.
+    power: f64,
+}
+
+impl Block {
+    /// These rows of a run.
+    fn of(run: &Run, id: AxisId, signal: &[f64], rows: Range<usize>) -> Self {
+        let setpoint_m = run.axes.get(&id).map_or(&[][..], |axis| &axis.setpoint_m[rows.clone()]);
+        let way_m: f64 = setpoint_m.windows(2).map(|rows| (rows[1] - rows[0]).abs()).sum();
+        let speed_m_s = way_m / (setpoint_m.len().max(2) - 1) as f64 / run.period_s;
+        let fourth = |rows: &[f64]| rows[0] - 4.0 * rows[1] + 6.0 * rows[2] - 4.0 * rows[3] + rows[4];
+        let squares = signal[rows].windows(5).map(|rows| fourth(rows).powi(2)).collect();
+        let roughness = usual_power(squares).unwrap_or(0.0);
+        Self { octave: speed_m_s.max(STILL_M_S).log2(), roughness, power: 1.0 }
+    }
+
+    /// What those say of these rows that passed about as fast: in the same run, if there are enough, or in any.
+    fn beside(&self, passed: &[(Self, [usize; 2])], run: usize) -> Alike {
+        let apart = |block: &Self| (block.octave - self.octave).abs();
+        let mut near: Vec<&(Self, [usize; 2])> = passed.iter().collect();
+        near.sort_by(|(a, _), (b, _)| apart(a).total_cmp(&apart(b)));
+        let as_fast = near.partition_point(|(block, _)| apart(block) <= 1.0);
+        let own: Vec<_> = near[..as_fast].iter().copied().filter(|(_, runs)| runs.contains(&run)).collect();
+        if own.len() >= OWN {
+            near = own;
+        } else {
+            near.truncate(as_fast.max(AS_FAST));
+        }
+        let of = |value: fn(&Self) -> f64| {
+            median(&mut near.iter().map(|(block, _)| value(block)).collect::<Vec<_>>())
+        };
+        Alike {
+            power: of(|block| block.power).unwrap_or(1.0),
+            rougher: of(|block| block.roughness).map_or(0.0, |roughness| self.roughness - roughness),
+        }
+    }
 }
 
 fn second_squares(signal: &[f64]) -> Vec<f64> {
@@ -170,21 +237,6 @@ fn second_squares(signal: &[f64]) -> Vec<f64> {
 fn usual_power(mut squares: Vec<f64>) -> Option<f64> {
     // That of a squared normal is 0.455.
     median(&mut squares).map(|median| median / 0.455)
-}
-
-fn mean<'v>(values: impl ExactSizeIterator<Item = &'v f64>) -> f64 {
-    let count = values.len().max(1) as f64;
-    values.sum::<f64>() / count
-}
-
-/// By how much the power of whitened noise grows with how rough rows are, from blocks of both: the median over the rougher
-/// half of them.
-fn per_roughness(mut blocks: Vec<[f64; 2]>) -> f64 {
-    blocks.sort_by(|a, b| b[0].total_cmp(&a[0]));
-    blocks.truncate(blocks.len().div_ceil(2));
-    let mut slopes: Vec<f64> =
-        blocks.iter().filter(|[rough, _]| *rough > 0.0).map(|[rough, power]| (power - 1.0) / rough).collect();
-    median(&mut slopes).map_or(0.0, |slope| slope.max(0.0))
 }
 
 /// Repeats of which both passes have a signal, with it.
@@ -259,6 +311,12 @@ impl Noise {
         let rows = blocks.iter().flat_map(|block| self.whitened(block).split_off(ORDER.min(block.len())));
         usual_power(rows.map(|value| value * value).collect())
             .map_or(self.left, |power| self.left * power.sqrt())
+    }
+
+    /// Power that white noise of this variance has in the whitened signal.
+    fn white_power(&self, variance: f64) -> f64 {
+        let gain = 1.0 + self.memory.iter().map(|a| a * a).sum::<f64>();
+        variance * gain / (self.left * self.left)
     }
 
     /// The signal as independent values of variance 1, where it is noise.
@@ -346,7 +404,7 @@ mod tests {
         let runs = std::slice::from_ref(&run);
         let measured = [Some(Signals::measured(&run.axes[&AxisId::X]))];
         let pick: Pick = |signals| &signals.current_a;
-        let loudness = &loudness(&repeats(runs), runs, &measured, pick, &noise)[0];
+        let loudness = &loudness(&repeats(runs), runs, AxisId::X, &measured, pick, &noise)[0];
         let mean = loudness.iter().sum::<f64>() / loudness.len() as f64;
         assert!(mean < 1.2, "{mean}");
     }
@@ -431,9 +489,43 @@ mod tests {
         let repeats = repeats(runs);
         let noise = noise(&repeats, runs, &measured, pick, 0.0).expect("noise");
         assert!((noise.left / 0.01 - 1.0).abs() < 0.35, "the quiet rows have 0.01 A, found {}", noise.left);
-        let loud = &loudness(&repeats, runs, &measured, pick, &noise)[0];
+        let loud = &loudness(&repeats, runs, AxisId::X, &measured, pick, &noise)[0];
         let [far, near] = [2_100 + 1_260, 2_100 + 400].map(|row| loud[row]);
         assert!((6.0..14.0).contains(&far) && near < 1.5, "{far} where it is ten times as loud, {near} else");
+    }
+
+    #[test]
+    fn where_nothing_repeats_it_is_as_loud_as_what_passed_as_fast() {
+        // A command of two speeds that comes twice, three times as loud at the faster, and a line at each that comes once.
+        let speeds = [1e-6, 2e-5];
+        let mut random = Pcg64Mcg::seed_from_u64(15);
+        let mut run = |speed: &dyn Fn(usize) -> f64, noise_a: &dyn Fn(usize) -> f64| {
+            let mut run = circle(0.0, 0.0);
+            let axis = run.axes.get_mut(&AxisId::X).expect("it has one");
+            let mut place = 0.0;
+            for (row, (at, current_a)) in axis.setpoint_m.iter_mut().zip(&mut axis.current_a).enumerate() {
+                place += speed(row);
+                let drawn: f64 = StandardNormal.sample(&mut random);
+                (*at, *current_a) = (place, 0.1 + noise_a(row) * drawn);
+            }
+            run.axes.retain(|id, _| *id == AxisId::X);
+            run
+        };
+        let is_fast = |row: usize| usize::from(row > 4_000);
+        let mut twice = || run(&|row| speeds[is_fast(row)], &|row| [0.01, 0.03][is_fast(row)]);
+        let [first, second] = [twice(), twice()];
+        let [slow, fast] = speeds.map(|speed| run(&move |_| speed, &|_| 0.0));
+        let runs = [first, second, slow, fast];
+        let measured: Vec<Option<Signals>> =
+            runs.iter().map(|run| Some(Signals::measured(&run.axes[&AxisId::X]))).collect();
+        let pick: Pick = |signals| &signals.current_a;
+        let repeats = repeats(&runs);
+        assert!(repeats.iter().all(|repeat| repeat.runs == [0, 1]), "{repeats:?}");
+        let noise = noise(&repeats, &runs, &measured, pick, 0.0).expect("noise");
+        let loud = loudness(&repeats, &runs, AxisId::X, &measured, pick, &noise);
+        let [slow, fast, passed] = [(2, 3_000), (3, 3_000), (0, 5_000)].map(|(run, row)| loud[run][row]);
+        assert!(slow < 1.2 && passed > 1.5, "{slow} and {passed}");
+        assert!((fast / passed - 1.0).abs() < 0.15, "{fast}, and {passed} where it passed as fast");
     }
 
     #[test]
@@ -464,7 +556,7 @@ mod tests {
         let repeats = repeats(&runs);
         assert!(repeats.iter().all(|repeat| repeat.runs == [0, 0]), "{repeats:?}");
         let noise = noise(&repeats, &runs, &measured, pick, 0.0).expect("noise");
-        let loud = loudness(&repeats, &runs, &measured, pick, &noise);
+        let loud = loudness(&repeats, &runs, AxisId::X, &measured, pick, &noise);
         let quiet = 0.01 / noise.left;
         assert!((loud[1][3_000] / (9.0 * quiet) - 1.0).abs() < 0.25, "{} of {quiet}", loud[1][3_000]);
     }
