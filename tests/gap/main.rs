@@ -4,6 +4,7 @@
 
 mod loops;
 mod nearby;
+mod passes;
 mod usual;
 mod zeros;
 

@@ -288,6 +288,12 @@ impl Printed {
         let mut text = format!("runs under gain set \"{}\"\n", self.gains);
         for (name, axis) in &self.axes {
             let _ = writeln!(text, "axis {name}: {}", axis.verdict);
+            if axis.is_floor_from_repeats.values().any(|is_told| !is_told) {
+                let _ = writeln!(
+                    text,
+                    "  nothing here comes again, so that noise is a lower bound: record each command at least twice"
+                );
+            }
             if let Some(filed) = axis.velocity_estimate_filed {
                 let seen = axis.velocity_estimate;
                 let _ = writeln!(

@@ -198,17 +198,20 @@ fn axis<'m>(
         let is_pushed = || bursts(&problem, &named.model.model).is_some();
         explains_too_little(&weighed, &named) || (closes_little(&gap) && is_pushed())
     };
-    if !named.effects.is_empty() && (shape.is_some() || is_little()) {
+    // Beside a floor that is a lower bound, much is left whatever is named.
+    let is_told = problem.is_noise_told();
+    if !named.effects.is_empty() && is_told && (shape.is_some() || is_little()) {
         named.withdraw();
         gap.iter_mut().for_each(|signal| signal.after = signal.before);
     }
     let both = locate::both(&problem, &named.base.model, &named.model.model);
     let (located, runs_left) = (locate::located(&problem, &both), locate::runs_left(&problem, &both));
-    let is_told = |signal: usize| problem.noises[signal].as_ref().is_some_and(|noise| noise.is_from_repeats);
-    let of_base = || Rest::everywhere(&runs_left, is_told).or_else(|| Rest::strained(&named.base.model));
+    let is_of_passes =
+        |signal: usize| problem.noises[signal].as_ref().is_some_and(|noise| noise.is_from_repeats);
+    let of_base = || Rest::everywhere(&runs_left, is_of_passes).or_else(|| Rest::strained(&named.base.model));
     let of_base = || named.effects.is_empty().then(of_base).flatten();
     let rest = shape.or_else(|| bursts(&problem, &named.model.model)).or_else(of_base);
-    let verdict = verdict(&named, &gap, rest.is_some());
+    let verdict = verdict(&named, &gap, rest.is_some(), is_told);
     let of = |place| consequence(&problem, &named.model.model, place);
     let consequences = (0..named.effects.len()).map(of).collect();
     Ok(AxisGap { id, problem, controller, named, verdict, rest, located, runs_left, gap, consequences })
@@ -223,6 +226,8 @@ pub fn problem_of<'m>(
     gain_set: u8,
     phases: &[usize],
 ) -> Problem<'m> {
+    let repeats: Vec<Repeat> = repeats.iter().filter(|repeat| repeat.is_of(id)).copied().collect();
+    let repeats = repeats.as_slice();
     let measured: Vec<Option<Signals>> =
         runs.iter().map(|run| run.axes.get(&id).map(Signals::measured)).collect();
     // A count is as wide for each pass of a command: what it hides may not show in their difference. A column may be written down more

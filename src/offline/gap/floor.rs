@@ -140,8 +140,9 @@ pub fn loudness(
             let from = repeat.rows[0] + number * length;
             let rows = from..(from + block.len()).min(signals[0].len());
             passed.push((Block { power, ..Block::of(run, id, signals[0], rows) }, repeat.runs));
-            for (run, shift) in repeat.runs.into_iter().zip([0, repeat.shift.round() as usize]) {
-                for sum in squares[run].iter_mut().skip(from + shift).take(length) {
+            for (run, shift) in repeat.runs.into_iter().zip([0.0, repeat.shift]) {
+                let from = (from as f64 + shift).round() as usize;
+                for sum in squares[run].iter_mut().skip(from).take(length) {
                     *sum = [sum[0] + power, sum[1] + 1.0];
                 }
             }
@@ -266,7 +267,7 @@ fn differences(repeat: &Repeat, runs: &[Run], [earlier, later]: [&[f64]; 2]) -> 
             && sound[1].get(low).copied().unwrap_or(false)
             && sound[1].get(low + 1).copied().unwrap_or(share == 0.0);
         if is_sound {
-            values.push((at(later, other) - earlier[row]) * scale);
+            values.push((repeat.sign() * at(later, other) - earlier[row]) * scale);
         }
     }
     let rows = values.len() as f64;
@@ -349,7 +350,7 @@ mod tests {
     use rand_distr::{Distribution, StandardNormal};
     use rand_pcg::Pcg64Mcg;
 
-    use super::super::repeats::repeats;
+    use super::super::repeats::{What, repeats};
     use super::super::runs::AxisRun;
     use super::*;
     use crate::base::axis::AxisId;
@@ -445,7 +446,7 @@ mod tests {
             let runs = std::slice::from_ref(&run);
             let measured = [Some(Signals::measured(&run.axes[&AxisId::X]))];
             let shift = if noise_a == 0.0 { lap as f64 } else { 2_100.4 };
-            let repeat = Repeat { runs: [0, 0], shift, rows: [100, 4_000] };
+            let repeat = Repeat { what: What::Run, runs: [0, 0], shift, rows: [100, 4_000] };
             let found = noise(&[repeat], runs, &measured, |signals| &signals.current_a, hidden_a);
             let rms = found.expect("noise").rms;
             assert!((rms / wanted_a - 1.0).abs() < 0.06, "{rms} A, and not {wanted_a} A");

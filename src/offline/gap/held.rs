@@ -5,14 +5,14 @@
 use std::collections::BTreeMap;
 
 use super::circles::circles_of;
-use super::repeats::Repeat;
+use super::repeats::{Repeat, What};
 use super::runs::Run;
 use crate::base::axis::AxisId;
 
 /// Which runs have the same command: a number for each run.
 pub(super) fn groups(runs: &[Run], repeats: &[Repeat]) -> Vec<usize> {
     let mut groups: Vec<usize> = (0..runs.len()).collect();
-    for repeat in repeats {
+    for repeat in repeats.iter().filter(|repeat| repeat.what == What::Run) {
         let [first, second] = repeat.runs.map(|run| groups[run]);
         for group in &mut groups {
             if *group == second {

@@ -349,6 +349,11 @@ impl<'m> Problem<'m> {
         std::array::from_fn(|signal| (sums[signal] / f64::max(weights[signal], f64::MIN_POSITIVE)).sqrt())
     }
 
+    /// Whether passes of the same command told the noise of all signals.
+    pub fn is_noise_told(&self) -> bool {
+        self.noises.iter().flatten().all(|noise| noise.is_from_repeats)
+    }
+
     /// The runs that have rows of a part.
     pub fn places(&self, part: Part) -> Vec<usize> {
         (0..self.data.len()).filter(|place| self.data[*place].has(part)).collect()

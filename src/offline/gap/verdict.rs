@@ -197,8 +197,9 @@ fn blocks_of_power(problem: &Problem<'_>, models: [&Model; 2]) -> Vec<[f64; 2]> 
     blocks
 }
 
-/// What is to be said of an axis, where something real is left or is not.
-pub(super) fn verdict(named: &Named, gap: &[SignalGap], has_rest: bool) -> Verdict {
+/// What is to be said of an axis, where something real is left or is not, and where passes told what noise is or did not: what is
+/// left beyond a floor that is a lower bound may be noise.
+pub(super) fn verdict(named: &Named, gap: &[SignalGap], has_rest: bool, is_noise_told: bool) -> Verdict {
     let excess = |value: f64, floor: f64| (value * value - floor * floor).max(0.0).sqrt();
     let is_real = |of: fn(&SignalGap) -> f64| {
         gap.iter().any(|signal| {
@@ -223,7 +224,7 @@ pub(super) fn verdict(named: &Named, gap: &[SignalGap], has_rest: bool) -> Verdi
     }
     let is_shown = named.refused.iter().any(Candidate::shows_something);
     if has_rest || is_shown || (costs_more_than_noise(named) && is_real(|signal| signal.after)) {
-        return Verdict::Unknown;
+        return if is_noise_told { Verdict::Unknown } else { Verdict::Insufficient };
     }
     let moved = |fitted: &Fitted| {
         let is_off = |(at, base): (&f64, &Base)| !base.is_zero() && (at * base.prior).abs() > 0.03;
