@@ -73,8 +73,8 @@ impl Candidate {
 
     /// Whether it explains what there is, and only its values are not what such an effect has.
     pub fn is_doubtful(&self) -> bool {
-        let of_values = [Gate::Amplitude, Gate::Bounds, Gate::Whole];
-        !self.failed.is_empty() && self.failed.iter().all(|gate| of_values.contains(gate))
+        let is_of_values = |gate: &Gate| gate.is_of_values() || *gate == Gate::Amplitude;
+        !self.failed.is_empty() && self.failed.iter().all(is_of_values)
     }
 
     /// Whether it is at a bound beyond which it is that other one.
@@ -88,8 +88,8 @@ impl Candidate {
     /// Whether it shows that something is missing, and not what: it explains it with values that no such effect has, or
     /// leaves much of it.
     pub fn shows_something(&self) -> bool {
-        let gates = [Gate::Bounds, Gate::Whole, Gate::Explains];
-        !self.failed.is_empty() && self.failed.iter().all(|gate| gates.contains(gate))
+        let shows = |gate: &Gate| gate.is_of_values() || *gate == Gate::Explains;
+        !self.failed.is_empty() && self.failed.iter().all(shows)
     }
 }
 
@@ -117,6 +117,13 @@ pub enum Gate {
     Needed,
     /// Little left of what there was.
     Explains,
+}
+
+impl Gate {
+    /// Whether it is about values, and not about whether anything is there.
+    fn is_of_values(&self) -> bool {
+        matches!(self, Self::Bounds | Self::Whole)
+    }
 }
 
 impl fmt::Display for Gate {
@@ -272,8 +279,8 @@ pub(super) fn judged(
     if !entry.parameters.iter().enumerate().all(is_whole) {
         failed.push(Gate::Whole);
     }
-    // Last, for it takes longest.
-    if failed.is_empty() && !is_hidden {
+    // Last, for it takes longest. What has values that no such effect has is asked too: it may show that something is missing.
+    if failed.iter().all(Gate::is_of_values) && !is_hidden {
         let deviations = ALONE[usize::from(!in_all_draws)];
         let alone = judged::alone(problem, &fitted, &telling);
         let wants = |deviations: f64| alone.iter().any(|alone| alone.is_more_than(deviations, ALONE_SHARE));
@@ -312,6 +319,23 @@ mod tests {
     use super::*;
     use crate::plant::effects::entry;
     use crate::plant::tests::paper_axis;
+
+    #[test]
+    fn odd_values_show_that_something_is_missing_where_rows_that_judge_want_them() {
+        let model = Model::new(paper_axis());
+        let fitted = Fitted { model, cost: 0.0, total: 0.0, covariance: DMatrix::identity(1, 1) };
+        for (failed, shows, is_doubtful) in [
+            (&[Gate::Bounds][..], true, true),
+            (&[Gate::Whole, Gate::Explains], true, false),
+            (&[Gate::Whole, Gate::Amplitude], false, true),
+            (&[Gate::Bounds, Gate::Judged], false, false),
+        ] {
+            let candidate =
+                Candidate { fitted: fitted.clone(), held: 0.0, evidence: 0.0, failed: failed.to_vec() };
+            assert_eq!(candidate.shows_something(), shows, "{failed:?}");
+            assert_eq!(candidate.is_doubtful(), is_doubtful, "{failed:?}");
+        }
+    }
 
     #[test]
     fn what_one_run_gains_another_must_not_lose() {
