@@ -15,8 +15,9 @@
 use std::ops::Range;
 
 use super::forward::Signals;
+use super::laps::at;
 use super::lines::{lines, without};
-use super::repeats::{Repeat, at};
+use super::repeat::Repeat;
 use super::runs::Run;
 use crate::base::axis::AxisId;
 use crate::offline::median::median;
@@ -350,7 +351,8 @@ mod tests {
     use rand_distr::{Distribution, StandardNormal};
     use rand_pcg::Pcg64Mcg;
 
-    use super::super::repeats::{What, repeats};
+    use super::super::repeat::What;
+    use super::super::repeats::repeats;
     use super::super::runs::AxisRun;
     use super::*;
     use crate::base::axis::AxisId;
@@ -493,6 +495,29 @@ mod tests {
         let loud = &loudness(&repeats, runs, AxisId::X, &measured, pick, &noise)[0];
         let [far, near] = [2_100 + 1_260, 2_100 + 400].map(|row| loud[row]);
         assert!((6.0..14.0).contains(&far) && near < 1.5, "{far} where it is ten times as loud, {near} else");
+    }
+
+    #[test]
+    fn noise_is_what_is_not_the_opposite_the_other_way_around() {
+        let mut random = Pcg64Mcg::seed_from_u64(20);
+        let mut run = |side: f64| {
+            let mut run = circle(0.0, 0.0);
+            run.axes.retain(|id, _| *id == AxisId::X);
+            let axis = run.axes.get_mut(&AxisId::X).expect("it has one");
+            for (row, (at, current_a)) in axis.setpoint_m.iter_mut().zip(&mut axis.current_a).enumerate() {
+                let drawn: f64 = StandardNormal.sample(&mut random);
+                let way = (1e-3 * row as f64).powi(2);
+                (*at, *current_a) = (side * 1e-3 * way, side * way + 0.02 * drawn);
+            }
+            run
+        };
+        let runs = [run(1.0), run(-1.0)];
+        let measured: Vec<Option<Signals>> =
+            runs.iter().map(|run| Some(Signals::measured(&run.axes[&AxisId::X]))).collect();
+        let repeats = repeats(&runs);
+        assert_eq!(repeats[0].what, What::Opposite(AxisId::X));
+        let found = noise(&repeats, &runs, &measured, |signals| &signals.current_a, 0.0).expect("noise");
+        assert!((found.rms / 0.02 - 1.0).abs() < 0.15, "{} A", found.rms);
     }
 
     #[test]

@@ -5,7 +5,7 @@
 use std::collections::BTreeMap;
 
 use super::circles::circles_of;
-use super::repeats::{Repeat, What};
+use super::repeat::{Repeat, What};
 use super::runs::Run;
 use crate::base::axis::AxisId;
 

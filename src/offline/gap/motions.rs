@@ -11,12 +11,12 @@
 use std::ops::Range;
 
 use super::forward::SETTLE_S;
-use super::repeats::repeats_itself;
+use super::laps::repeats_itself;
 use super::runs::{AxisRun, Run};
 
 /// No setpoint changes for so long where a machine rests, s; what counts as no change, m.
 const REST_S: f64 = 0.2;
-const STILL_M: f64 = 1e-9;
+pub(super) const STILL_M: f64 = 1e-9;
 /// A run is taken apart at rests of this length, s, so long before the next motion as the start of a run takes to fade: in a
 /// shorter one an axis is still on its way.
 const LONG_REST_S: f64 = 0.6;

@@ -159,6 +159,13 @@ pub struct Run {
 }
 
 impl Run {
+    /// The same as far as one axis is concerned.
+    pub(super) fn of_axis(&self, id: AxisId) -> Self {
+        let mut alone = self.clone();
+        alone.axes.retain(|other, _| *other == id);
+        alone
+    }
+
     /// How many rows.
     pub fn len(&self) -> usize {
         self.is_sound.len()
