@@ -71,10 +71,11 @@ impl Candidate {
         self.fitted.model.effects.last().into_iter().flat_map(keyed)
     }
 
-    /// Whether it explains what there is, and only its values are not what such an effect has.
+    /// Whether it explains what there is, and only its values are not what such an effect has, or some run speaks against it: what a
+    /// table does that sticks may speak against anything.
     pub fn is_doubtful(&self) -> bool {
-        let is_of_values = |gate: &Gate| gate.is_of_values() || *gate == Gate::Amplitude;
-        !self.failed.is_empty() && self.failed.iter().all(is_of_values)
+        let is_doubt = |gate: &Gate| gate.is_of_values() || matches!(gate, Gate::Amplitude | Gate::Runs);
+        !self.failed.is_empty() && self.failed.iter().all(is_doubt)
     }
 
     /// Whether it is at a bound beyond which it is that other one.
@@ -328,6 +329,7 @@ mod tests {
             (&[Gate::Bounds][..], true, true),
             (&[Gate::Whole, Gate::Explains], true, false),
             (&[Gate::Whole, Gate::Amplitude], false, true),
+            (&[Gate::Runs], false, true),
             (&[Gate::Bounds, Gate::Judged], false, false),
         ] {
             let candidate =
