@@ -16,10 +16,14 @@ use super::runs::Run;
 use crate::base::axis::AxisId;
 use crate::offline::median::median;
 
-/// What was different before a repeat fades for so long, s, or at least for so long where nothing repeats otherwise.
-const FADES_S: [f64; 2] = [FADE_S, 0.3];
+/// What was different before a repeat fades for so long, s. Two motions from rest differ by how each was wound up there, and by hundredths
+/// of a micrometre after the second; a first lap and a second by all of the start.
+const FADES_S: [f64; 2] = [FADE_S, 0.6];
 /// Rows by which two motions may begin apart.
 const ROWS_APART: usize = 2;
+/// What comes again tells of a run that is faster or slower by no more than so many times: a circle of one axis has all speeds below its
+/// feed, and what comes again elsewhere or the other way around is not only noise.
+const AS_FAST: f64 = 8.0;
 
 /// The repeats in and between runs: of all axes together, and of runs that nothing tells how loud they are of each axis by itself.
 pub fn repeats(runs: &[Run]) -> Vec<Repeat> {
@@ -49,7 +53,7 @@ fn untold(runs: &[Run], found: &[Repeat]) -> Vec<usize> {
     let told: Vec<f64> = found.iter().map(fast).collect();
     let is_untold = |index: &usize| {
         let own = speed(&runs[*index], 0..runs[*index].len());
-        let is_as_fast = |other: &f64| (0.5..=2.0).contains(&(other / own));
+        let is_as_fast = |other: &f64| (1.0 / AS_FAST..=AS_FAST).contains(&(other / own));
         own > 0.0 && !told.iter().any(is_as_fast) && !found.iter().any(|repeat| repeat.runs.contains(index))
     };
     (0..runs.len()).filter(is_untold).collect()
@@ -92,7 +96,7 @@ impl Way {
     fn repeats(self, runs: &[Run], asked: &[usize]) -> Vec<Repeat> {
         let mut found = Vec::new();
         for (index, run) in runs.iter().enumerate() {
-            if self.place == Place::Same && asked.contains(&index) {
+            if self.has_laps() && asked.contains(&index) {
                 found.extend(
                     laps(index, run, self.rows(run)).or_else(|| motions_again(index, run, self.rows(run))),
                 );
@@ -104,6 +108,11 @@ impl Way {
         let alone: Vec<usize> = asked.iter().copied().filter(is_alone).collect();
         found.extend(self.motions_elsewhere(runs, &alone));
         found
+    }
+
+    /// Whether laps come again this way.
+    fn has_laps(self) -> bool {
+        self.place == Place::Same && self.fade_s == FADE_S
     }
 
     fn rows(self, run: &Run) -> usize {
@@ -154,7 +163,7 @@ impl Way {
         let mut passed: Vec<(usize, Range<usize>)> = Vec::new();
         for (index, run) in runs.iter().enumerate() {
             for motion in motions(run) {
-                if self.place == Place::Same && alone.contains(&index) {
+                if self.has_laps() && alone.contains(&index) {
                     let laps = laps(index, &part_of(run, &motion, String::new()), self.rows(run));
                     found.extend(laps.map(|laps| Repeat {
                         what: What::Motion,
