@@ -146,6 +146,7 @@ impl Way {
     fn is_same(self, run: &Run, rows: Range<usize>, twin: &Run, from: usize) -> bool {
         let most_m = SAME_SHARE * span_of(run, rows.clone());
         from + rows.len() <= twin.len()
+            && !run.axes.is_empty()
             && run.axes.iter().all(|(id, axis)| {
                 twin.axes.get(id).is_some_and(|other| {
                     let own = &axis.setpoint_m[rows.clone()];
@@ -263,6 +264,13 @@ mod tests {
             found[0].shift == 4_000.0 && found[0].rows[0] >= 800 + 1_999 && found[0].rows[1] <= 4_900,
             "{found:?}"
         );
+    }
+
+    #[test]
+    fn runs_without_an_axis_are_no_passes_of_it() {
+        let run = motion(0.0, 0.02);
+        let without = Run { axes: Default::default(), ..run.clone() };
+        assert!(repeats(&[without, run]).is_empty());
     }
 
     #[test]
