@@ -130,7 +130,7 @@ pub fn loudness(
     noise: &Noise,
 ) -> Vec<Loudness> {
     let mut squares: Vec<Vec<[f64; 2]>> = runs.iter().map(|run| vec![[0.0; 2]; run.len()]).collect();
-    let mut passed: Vec<(Block, [usize; 2])> = Vec::new();
+    let mut passed: Vec<Passed> = Vec::new();
     for (repeat, signals) in told(repeats, measured, pick) {
         let (run, period_s) = (&runs[repeat.runs[0]], runs[repeat.runs[0]].period_s);
         let difference = without(differences(repeat, runs, signals), &noise.lines, period_s);
@@ -140,7 +140,7 @@ pub fn loudness(
             let power = block.iter().map(|value| value * value).sum::<f64>() / block.len() as f64;
             let from = repeat.rows[0] + number * length;
             let rows = from..(from + block.len()).min(signals[0].len());
-            passed.push((Block { power, ..Block::of(run, id, signals[0], rows) }, repeat.runs));
+            passed.push(Passed { block: Block::of(run, id, signals[0], rows), power, runs: repeat.runs });
             for (run, shift) in repeat.runs.into_iter().zip([0.0, repeat.shift]) {
                 let from = (from as f64 + shift).round() as usize;
                 for sum in squares[run].iter_mut().skip(from).take(length) {
@@ -186,15 +186,21 @@ struct Alike {
     rougher: f64,
 }
 
-/// Rows of a pass.
+/// Rows that came again.
+struct Passed {
+    block: Block,
+    /// Of what both passes differ by, whitened.
+    power: f64,
+    runs: [usize; 2],
+}
+
+/// Some rows of a run.
 #[derive(Clone, Copy, Debug)]
 struct Block {
     /// Mean speed of the setpoint, in octaves of m/s.
     octave: f64,
     /// Mean square of fourth differences, to which motion is smooth.
     roughness: f64,
-    /// Of what passes differ by, whitened.
-    power: f64,
 }
 
 impl Block {
@@ -206,27 +212,26 @@ impl Block {
         let fourth = |rows: &[f64]| rows[0] - 4.0 * rows[1] + 6.0 * rows[2] - 4.0 * rows[3] + rows[4];
         let squares = signal[rows].windows(5).map(|rows| fourth(rows).powi(2)).collect();
         let roughness = usual_power(squares).unwrap_or(0.0);
-        Self { octave: speed_m_s.max(STILL_M_S).log2(), roughness, power: 1.0 }
+        Self { octave: speed_m_s.max(STILL_M_S).log2(), roughness }
     }
 
     /// What those say of these rows that passed about as fast: in the same run, if there are enough, or in any.
-    fn beside(&self, passed: &[(Self, [usize; 2])], run: usize) -> Alike {
-        let apart = |block: &Self| (block.octave - self.octave).abs();
-        let mut near: Vec<&(Self, [usize; 2])> = passed.iter().collect();
-        near.sort_by(|(a, _), (b, _)| apart(a).total_cmp(&apart(b)));
-        let as_fast = near.partition_point(|(block, _)| apart(block) <= 1.0);
-        let own: Vec<_> = near[..as_fast].iter().copied().filter(|(_, runs)| runs.contains(&run)).collect();
+    fn beside(&self, passed: &[Passed], run: usize) -> Alike {
+        let apart = |one: &Passed| (one.block.octave - self.octave).abs();
+        let mut near: Vec<&Passed> = passed.iter().collect();
+        near.sort_by(|a, b| apart(a).total_cmp(&apart(b)));
+        let as_fast = near.partition_point(|one| apart(one) <= 1.0);
+        let own: Vec<_> = near[..as_fast].iter().copied().filter(|one| one.runs.contains(&run)).collect();
         if own.len() >= OWN {
             near = own;
         } else {
             near.truncate(as_fast.max(AS_FAST));
         }
-        let of = |value: fn(&Self) -> f64| {
-            median(&mut near.iter().map(|(block, _)| value(block)).collect::<Vec<_>>())
-        };
+        let of =
+            |value: fn(&Passed) -> f64| median(&mut near.iter().map(|one| value(one)).collect::<Vec<_>>());
         Alike {
-            power: of(|block| block.power).unwrap_or(1.0),
-            rougher: of(|block| block.roughness).map_or(0.0, |roughness| self.roughness - roughness),
+            power: of(|one| one.power).unwrap_or(1.0),
+            rougher: of(|one| one.block.roughness).map_or(0.0, |roughness| self.roughness - roughness),
         }
     }
 }
@@ -389,9 +394,13 @@ mod tests {
         }
     }
 
+    fn measured(runs: &[Run]) -> Vec<Option<Signals>> {
+        runs.iter().map(|run| Some(Signals::measured(&run.axes[&AxisId::X]))).collect()
+    }
+
     fn noise_of(run: &Run) -> Noise {
         let runs = std::slice::from_ref(run);
-        let measured = vec![Some(Signals::measured(&run.axes[&AxisId::X]))];
+        let measured = measured(runs);
         noise(&repeats(runs), runs, &measured, |signals| &signals.current_a, 0.0).expect("noise")
     }
 
@@ -405,7 +414,7 @@ mod tests {
         let noise = noise_of(&run);
         assert!((noise.rms / 0.01 - 1.0).abs() < 0.1, "{noise:?}");
         let runs = std::slice::from_ref(&run);
-        let measured = [Some(Signals::measured(&run.axes[&AxisId::X]))];
+        let measured = measured(runs);
         let pick: Pick = |signals| &signals.current_a;
         let loudness = &loudness(&repeats(runs), runs, AxisId::X, &measured, pick, &noise)[0];
         let mean = loudness.iter().sum::<f64>() / loudness.len() as f64;
@@ -446,7 +455,7 @@ mod tests {
                 current_a[row] = (same / step_a).round() * step_a;
             }
             let runs = std::slice::from_ref(&run);
-            let measured = [Some(Signals::measured(&run.axes[&AxisId::X]))];
+            let measured = measured(runs);
             let shift = if noise_a == 0.0 { lap as f64 } else { 2_100.4 };
             let repeat = Repeat { what: What::Run, runs: [0, 0], shift, rows: [100, 4_000] };
             let found = noise(&[repeat], runs, &measured, |signals| &signals.current_a, hidden_a);
@@ -487,7 +496,7 @@ mod tests {
             axis.current_a[row] += 0.1 * drawn;
         }
         let runs = std::slice::from_ref(&run);
-        let measured = vec![Some(Signals::measured(&run.axes[&AxisId::X]))];
+        let measured = measured(runs);
         let pick: Pick = |signals| &signals.current_a;
         let repeats = repeats(runs);
         let noise = noise(&repeats, runs, &measured, pick, 0.0).expect("noise");
@@ -512,8 +521,7 @@ mod tests {
             run
         };
         let runs = [run(1.0), run(-1.0)];
-        let measured: Vec<Option<Signals>> =
-            runs.iter().map(|run| Some(Signals::measured(&run.axes[&AxisId::X]))).collect();
+        let measured = measured(&runs);
         let repeats = repeats(&runs);
         assert_eq!(repeats[0].what, What::Opposite(AxisId::X));
         let found = noise(&repeats, &runs, &measured, |signals| &signals.current_a, 0.0).expect("noise");
@@ -542,8 +550,7 @@ mod tests {
         let [first, second] = [twice(), twice()];
         let [slow, fast] = speeds.map(|speed| run(&move |_| speed, &|_| 0.0));
         let runs = [first, second, slow, fast];
-        let measured: Vec<Option<Signals>> =
-            runs.iter().map(|run| Some(Signals::measured(&run.axes[&AxisId::X]))).collect();
+        let measured = measured(&runs);
         let pick: Pick = |signals| &signals.current_a;
         let repeats = repeats(&runs);
         assert!(repeats.iter().all(|repeat| repeat.runs == [0, 1]), "{repeats:?}");
@@ -576,8 +583,7 @@ mod tests {
         run.axes.insert(AxisId::X, laps);
         other.axes.insert(AxisId::X, line);
         let runs = [run, other];
-        let measured: Vec<Option<Signals>> =
-            runs.iter().map(|run| Some(Signals::measured(&run.axes[&AxisId::X]))).collect();
+        let measured = measured(&runs);
         let pick: Pick = |signals| &signals.current_a;
         let repeats = repeats(&runs);
         assert!(repeats.iter().all(|repeat| repeat.runs == [0, 0]), "{repeats:?}");

@@ -28,18 +28,15 @@ const AS_FAST: f64 = 8.0;
 /// The repeats in and between runs: of all axes together, and of runs that nothing tells how loud they are of each axis by itself.
 pub fn repeats(runs: &[Run]) -> Vec<Repeat> {
     let mut found = Vec::new();
-    for way in Way::all(&[Place::Same, Place::Other]) {
-        found.extend(way.repeats(runs, &untold(runs, &found)));
-    }
+    look_on(runs, &mut found, &[Place::Same, Place::Other], |_, repeat| repeat);
     let ids: BTreeSet<AxisId> = runs.iter().flat_map(|run| run.axes.keys().copied()).collect();
     let of_axis = |id: AxisId| {
         let alone: Vec<Run> = runs.iter().map(|run| run.of_axis(id)).collect();
         let mut own = found.clone();
-        for way in Way::all(&[Place::Same, Place::Other, Place::Opposite]) {
-            let what = if way.place == Place::Opposite { What::Opposite(id) } else { What::Axis(id) };
-            let more = way.repeats(&alone, &untold(&alone, &own));
-            own.extend(more.into_iter().map(|repeat| Repeat { what, ..repeat }));
-        }
+        look_on(&alone, &mut own, &[Place::Same, Place::Other, Place::Opposite], |place, repeat| {
+            let what = if place == Place::Opposite { What::Opposite(id) } else { What::Axis(id) };
+            Repeat { what, ..repeat }
+        });
         own.split_off(found.len())
     };
     let of_axes: Vec<Repeat> = ids.into_iter().flat_map(of_axis).collect();
@@ -47,12 +44,29 @@ pub fn repeats(runs: &[Run]) -> Vec<Repeat> {
     found
 }
 
+/// Adds the repeats of runs that nothing tells how loud they are, way by way while there are any.
+fn look_on(
+    runs: &[Run],
+    found: &mut Vec<Repeat>,
+    places: &[Place],
+    as_found: impl Fn(Place, Repeat) -> Repeat,
+) {
+    let speeds: Vec<f64> = runs.iter().map(|run| speed(run, 0..run.len())).collect();
+    for way in Way::all(places) {
+        let asked = untold(runs, &speeds, found);
+        if asked.is_empty() {
+            return;
+        }
+        found.extend(way.repeats(runs, &asked).into_iter().map(|repeat| as_found(way.place, repeat)));
+    }
+}
+
 /// Runs that no repeat tells how loud they are: nothing of them comes again, nor anything that is about as fast.
-fn untold(runs: &[Run], found: &[Repeat]) -> Vec<usize> {
+fn untold(runs: &[Run], speeds: &[f64], found: &[Repeat]) -> Vec<usize> {
     let fast = |repeat: &Repeat| speed(&runs[repeat.runs[0]], repeat.rows[0]..repeat.rows[1]);
     let told: Vec<f64> = found.iter().map(fast).collect();
     let is_untold = |index: &usize| {
-        let own = speed(&runs[*index], 0..runs[*index].len());
+        let own = speeds[*index];
         let is_as_fast = |other: &f64| (1.0 / AS_FAST..=AS_FAST).contains(&(other / own));
         own > 0.0 && !told.iter().any(is_as_fast) && !found.iter().any(|repeat| repeat.runs.contains(index))
     };
@@ -101,8 +115,7 @@ impl Way {
                     laps(index, run, self.rows(run)).or_else(|| motions_again(index, run, self.rows(run))),
                 );
             }
-            let is_asked = |repeat: &Repeat| repeat.runs.iter().any(|run| asked.contains(run));
-            found.extend(self.again(runs, index).filter(is_asked));
+            found.extend(self.again(runs, index, asked));
         }
         let is_alone = |index: &usize| found.iter().all(|repeat: &Repeat| !repeat.runs.contains(index));
         let alone: Vec<usize> = asked.iter().copied().filter(is_alone).collect();
@@ -119,12 +132,13 @@ impl Way {
         (self.fade_s / run.period_s) as usize
     }
 
-    /// The repeats of a run in those after it.
-    fn again(self, runs: &[Run], index: usize) -> impl Iterator<Item = Repeat> {
+    /// The repeats of a run in those after it, of which one is asked for.
+    fn again(self, runs: &[Run], index: usize, asked: &[usize]) -> impl Iterator<Item = Repeat> {
         let run = &runs[index];
         runs.iter()
             .enumerate()
             .skip(index + 1)
+            .filter(move |(other, _)| asked.contains(&index) || asked.contains(other))
             .filter(move |(_, twin)| self.is_same_command(run, twin))
             .filter_map(move |(other, twin)| {
                 let rows = [self.rows(run), run.len().min(twin.len()) - 1];
@@ -201,11 +215,13 @@ mod tests {
     use super::super::repeat::first_pass;
     use super::*;
 
+    const PERIOD_S: f64 = 5e-4;
+
     /// A motion of an axis from a place.
     fn motion(from_m: f64, way_m: f64) -> Run {
         let rows = 6_000_usize;
         let at = |row: usize| from_m + way_m * (row.saturating_sub(1_000) as f64 / 4_000.0).min(1.0);
-        Run::of_setpoints(5e-4, [(AxisId::X, (0..rows).map(at).collect())])
+        Run::of_setpoints(PERIOD_S, [(AxisId::X, (0..rows).map(at).collect())])
     }
 
     #[test]
@@ -218,8 +234,6 @@ mod tests {
         assert_eq!(opposite[0].what, What::Opposite(AxisId::X), "{opposite:?}");
         assert!(of(&[motion(0.0, 0.02), motion(0.1, 0.03)]).is_empty());
     }
-
-    const PERIOD_S: f64 = 5e-4;
 
     /// Circles of both axes one after the other, each of so many laps of so many rows, with rests before, between and behind; the sign tells
     /// the way around.

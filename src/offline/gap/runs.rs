@@ -161,9 +161,8 @@ pub struct Run {
 impl Run {
     /// The same as far as one axis is concerned.
     pub(super) fn of_axis(&self, id: AxisId) -> Self {
-        let mut alone = self.clone();
-        alone.axes.retain(|other, _| *other == id);
-        alone
+        let axes = self.axes.get(&id).map(|axis| (id, axis.clone())).into_iter().collect();
+        Self { name: self.name.clone(), axes, is_sound: self.is_sound.clone(), ..*self }
     }
 
     /// How many rows.
