@@ -1,6 +1,6 @@
 //! `hidden`: make machines with a hidden effect, let a program look for it, and score what it says.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use anyhow::{Context, Result, ensure};
 use clap::{Parser, Subcommand};
-use hidden::case::Bench;
+use hidden::case::{Bench, Truth};
 use hidden::plan::{Choice, Plan, list};
 use hidden::score;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -49,7 +49,7 @@ enum Verb {
         #[arg(long)]
         quadrant: PathBuf,
         /// What it is called with, between spaces: {machine} is the machine file, {runs} all runs, {fit} those for
-        /// fitting and {heldout} the others
+        /// fitting and {heldout} the others, {axes} the axes that lack something, or x where none does: half the time
         #[arg(long, default_value = "gap --json --machine {machine} --data {runs}")]
         arguments: String,
         /// Folder of cases and answers
@@ -87,9 +87,9 @@ fn main() -> Result<()> {
                 quadrant.canonicalize().with_context(|| format!("no program {}", quadrant.display()))?;
             let program = Program { path, arguments };
             work(&choice, jobs, |bench, plan| {
-                let is_made = bench.make(plan, &cases)?.is_some();
-                if is_made {
-                    let answer = program.answer(&cases.join(&plan.id))?;
+                let truth = bench.make(plan, &cases)?;
+                if let Some(truth) = &truth {
+                    let answer = program.answer(&cases.join(&plan.id), &axes(truth))?;
                     fs::write(
                         results.join(format!("{}.json", plan.id)),
                         serde_json::to_vec_pretty(&answer)?,
@@ -98,7 +98,7 @@ fn main() -> Result<()> {
                         remove_runs(&cases.join(&plan.id))?;
                     }
                 }
-                Ok(is_made)
+                Ok(truth.is_some())
             })?;
             print_score(&cases, &results, &wanted)
         }
@@ -149,6 +149,12 @@ fn work(choice: &Choice, jobs: usize, work: impl Fn(&Bench, &Plan) -> Result<boo
     Ok(())
 }
 
+/// The axes that lack something, as `x,y`; one where none does.
+fn axes(truth: &Truth) -> String {
+    let axes: BTreeSet<&str> = truth.effects.iter().map(|effect| effect.axis.as_str()).collect();
+    if axes.is_empty() { "x".to_owned() } else { Vec::from_iter(axes).join(",") }
+}
+
 /// What is judged.
 struct Program {
     path: PathBuf,
@@ -158,7 +164,7 @@ struct Program {
 impl Program {
     /// What it says of a case. It is called in the case's folder, with names that tell nothing of the truth. Whatever
     /// is no JSON is a failure, with what it said of it.
-    fn answer(&self, case: &Path) -> Result<Value> {
+    fn answer(&self, case: &Path, axes: &str) -> Result<Value> {
         let names: Vec<_> = runs(case)?.iter().filter_map(|run| Some(run.file_name()?.to_owned())).collect();
         let (held_out, fit): (Vec<_>, Vec<_>) =
             names.iter().partition(|name| name.to_string_lossy().starts_with("heldout"));
@@ -170,6 +176,7 @@ impl Program {
                 "{runs}" => command.args(&names),
                 "{fit}" => command.args(&fit),
                 "{heldout}" => command.args(&held_out),
+                "{axes}" => command.arg(axes),
                 plain => command.arg(plain),
             };
         }
