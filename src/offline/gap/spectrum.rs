@@ -78,7 +78,7 @@ impl Peaks {
                     let all = if is_in_time { in_time } else { by_place };
                     all[signal].as_slice()
                 });
-                power(&sums.collect::<Vec<_>>())
+                evened(&sums.collect::<Vec<_>>())
             };
             let powers: Vec<Vec<f64>> = (0..signals).filter_map(of_signal).collect();
             let within = |range: &[f64; 2]| {
@@ -169,19 +169,62 @@ fn most_plain(mut peaks: Vec<(f64, f64)>) -> Vec<f64> {
 
 /// Power of all, line by line, up to half of the rate; nothing where there are none.
 pub(super) fn power(sums: &[&[f64]]) -> Option<Vec<f64>> {
+    added(sums, |_| {})
+}
+
+/// The same with each made even first, so that a run in which a table sticks, all of it within a few sums, hides no line of
+/// another: it is as loud as all others together, at every frequency.
+fn evened(sums: &[&[f64]]) -> Option<Vec<f64>> {
+    added(sums, even)
+}
+
+fn added(sums: &[&[f64]], prepare: impl Fn(&mut [f64])) -> Option<Vec<f64>> {
     let longest = sums.iter().map(|sums| sums.len()).max()?;
     let length = (2 * longest).next_power_of_two();
     let transform = FftPlanner::new().plan_fft_forward(length);
-    let mut power = vec![0.0; length / 2];
+    let mut all = vec![0.0; length / 2];
     for values in sums {
         let mut lines: Vec<Complex<f64>> = values.iter().map(|value| Complex::new(*value, 0.0)).collect();
         lines.resize(length, Complex::new(0.0, 0.0));
         transform.process(&mut lines);
-        for (power, line) in power.iter_mut().zip(&lines) {
-            *power += line.norm_sqr();
+        let mut power: Vec<f64> = lines[..all.len()].iter().map(Complex::norm_sqr).collect();
+        prepare(&mut power);
+        for (all, power) in all.iter_mut().zip(power) {
+            *all += power;
         }
     }
-    Some(power)
+    Some(all)
+}
+
+/// Divides each line by what is usual about it: the median of a stretch of lines, and between the middles of two on a line of
+/// logarithms.
+fn even(power: &mut [f64]) {
+    let mut middles: Vec<(f64, f64)> = Vec::new();
+    let mut from = 0;
+    while from < power.len() {
+        let to = power.len().min(from + 2 * about(from));
+        let usual = median(&mut power[from..to].to_vec()).unwrap_or(0.0).max(f64::MIN_POSITIVE);
+        middles.push((0.5 * (from + to) as f64, usual.ln()));
+        from = to;
+    }
+    let mut next = 0;
+    for (line, power) in power.iter_mut().enumerate() {
+        let at = line as f64;
+        while next < middles.len() && middles[next].0 <= at {
+            next += 1;
+        }
+        let usual = match (next.checked_sub(1).map(|before| middles[before]), middles.get(next)) {
+            (Some((from, low)), Some((to, high))) => low + (high - low) * (at - from) / (to - from),
+            (Some((_, usual)), None) | (None, Some(&(_, usual))) => usual,
+            (None, None) => 0.0,
+        };
+        *power /= usual.exp();
+    }
+}
+
+/// Lines to either side that are the neighbourhood of one.
+fn about(line: usize) -> usize {
+    ((ABOUT.0 * line as f64) as usize).clamp(ABOUT.1[0], ABOUT.1[1])
 }
 
 /// The frequency near a peak at which all runs of a session swing in step: what goes on between them keeps its phase, so it
@@ -223,7 +266,7 @@ pub(super) fn tops(power: &[f64], step: f64, range: [f64; 2]) -> Vec<(f64, f64)>
     (low..=high)
         .filter(|line| power[*line] > power[line - 1] && power[*line] >= power[line + 1])
         .map(|line| {
-            let reach = ((ABOUT.0 * line as f64) as usize).clamp(ABOUT.1[0], ABOUT.1[1]);
+            let reach = about(line);
             let mut about = power[line.saturating_sub(reach)..(line + reach).min(power.len())].to_vec();
             let usual = median(&mut about).unwrap_or(0.0);
             (line, power[line] / usual.max(f64::MIN_POSITIVE))
@@ -253,6 +296,25 @@ fn positions(simulated: &Signals, setpoints_m: impl Iterator<Item = f64>) -> Vec
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_loud_run_hides_no_line_of_another() {
+        const LINE: usize = 50;
+        // Half as loud as what is about it, and a stretch of ten that outweighs all of the others a thousand times.
+        let mut state = 1_u64;
+        let mut chance = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 33) as f64 / 2_f64.powi(30) - 1.0
+        };
+        let swing = |row: usize| 0.5 * (TAU * LINE as f64 * row as f64 / 4_096.0).sin();
+        let quiet: Vec<f64> = (0..4_096).map(|row| swing(row) + chance()).collect();
+        let loud: Vec<f64> = (0..4_096).map(|row| if row < 10 { 1e4 * chance() } else { 0.0 }).collect();
+        let step = 4_096.0 / 8_192.0;
+        let found = |power: Option<Vec<f64>>| most_plain(tops(&power.expect("values"), step, [20.0, 200.0]));
+        assert!(found(power(&[&quiet, &loud])).is_empty());
+        let peaks = found(evened(&[&quiet, &loud]));
+        assert!((peaks[0] - LINE as f64).abs() < 1.0, "{peaks:?}");
+    }
 
     #[test]
     fn runs_of_one_session_tell_a_frequency_together() {
