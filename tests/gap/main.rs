@@ -2,6 +2,7 @@
 //! nothing is named.
 #![cfg(feature = "offline")]
 
+mod crossed;
 mod loops;
 mod nearby;
 mod passes;

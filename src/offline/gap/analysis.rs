@@ -330,6 +330,7 @@ fn data(machine: &Machine, runs: &[Run], repeats: &[Repeat], id: AxisId, phases:
             fit,
             held,
             first_pass,
+            command: groups[index],
         });
     }
     all

@@ -7,7 +7,7 @@ use rand_pcg::Pcg64Mcg;
 
 use super::linear::{BLOCK_S, Loss, residuals};
 use super::model::Model;
-use super::problem::{Part, Problem, SIGNALS};
+use super::problem::{Part, Problem, Residual, SIGNALS};
 
 /// How often blocks are drawn to see how sure a fall is, and in how many draws at most it may be none: one in a thousand,
 /// for there are thirty candidates, and each may be the one that chance favours.
@@ -56,6 +56,24 @@ impl Blocks {
             }
         }
         Self(blocks)
+    }
+
+    /// Of what is left of runs, in blocks of so many rows.
+    pub(super) fn of_residuals(runs: &[Residual], length: usize) -> Self {
+        let of_run = |run: &Residual| {
+            let rows = run.iter().map(Vec::len).max().unwrap_or(0);
+            let of = |from: usize| {
+                let mut block = Block::default();
+                for ((cost, told), signal) in block.iter_mut().zip(run) {
+                    let values = signal.iter().skip(from).take(length);
+                    *told = values.clone().filter(|value| **value != 0.0).count() as f64;
+                    *cost = values.map(|value| Loss::LAST.of(*value)).sum();
+                }
+                block
+            };
+            (0..rows).step_by(length).map(of).collect::<Vec<_>>()
+        };
+        Self(runs.iter().flat_map(of_run).collect())
     }
 
     /// Of known costs of one signal.

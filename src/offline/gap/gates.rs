@@ -11,6 +11,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::blocks::Blocks;
+use super::crossed;
 use super::fit::{Effort, Fitted, fit};
 use super::judged;
 use super::linear::Linear;
@@ -121,6 +122,11 @@ pub enum Gate {
 }
 
 impl Gate {
+    /// Whether it asks the rows that judge.
+    fn is_of_rows_that_judge(&self) -> bool {
+        matches!(self, Self::Held | Self::Blocks | Self::Judged)
+    }
+
     /// Whether it is about values, and not about whether anything is there.
     fn is_of_values(&self) -> bool {
         matches!(self, Self::Bounds | Self::Whole)
@@ -215,17 +221,16 @@ pub(super) fn last_of(model: &Model) -> Option<&'static str> {
     model.effects.last().map(|tried| tried.entry.name)
 }
 
-/// Places of the amplitudes of the last effect of a model, among its coordinates: those that are none of the base.
-fn telling(model: &Model) -> Vec<usize> {
-    let Some(last) = model.effects.last() else { return Vec::new() };
-    let first = model.first_coordinate(model.effects.len() - 1);
-    let tells = |amplitude: &usize| !last.entry.parameters[*amplitude].is_of_base;
-    last.entry.amplitudes().filter(tells).map(|of| first + of).collect()
+/// Places of the amplitudes of an effect of a model, among its coordinates: those that are none of the base.
+pub(super) fn telling(model: &Model, place: usize) -> Vec<usize> {
+    let (entry, first) = (model.effects[place].entry, model.first_coordinate(place));
+    let tells = |amplitude: &usize| !entry.parameters[*amplitude].is_of_base;
+    entry.amplitudes().filter(tells).map(|of| first + of).collect()
 }
 
 /// Whether an amplitude of the last effect of a model is sure not to be zero, by the fitted rows or those that judge.
 pub(super) fn is_sure(problem: &Problem<'_>, fitted: &Fitted) -> bool {
-    let telling = telling(&fitted.model);
+    let telling = telling(&fitted.model, fitted.model.effects.len() - 1);
     telling.iter().any(|amplitude| fitted.is_surely_not_zero(*amplitude, SURE))
         || judged::alone(problem, fitted, &telling).iter().any(|alone| alone.is_more_than(SURE, ALONE_SHARE))
 }
@@ -266,7 +271,7 @@ pub(super) fn judged(
         failed.push(Gate::Blocks);
     }
     let place = fitted.model.first_coordinate(added);
-    let telling = telling(&fitted.model);
+    let telling = telling(&fitted.model, added);
     let is_sure = telling.iter().any(|amplitude| fitted.is_surely_not_zero(*amplitude, SURE));
     if fitted.model.is_at_bound(added) {
         failed.push(Gate::Bounds);
@@ -294,6 +299,17 @@ pub(super) fn judged(
         }
     } else if !is_sure {
         failed.push(Gate::Amplitude);
+    }
+    // What those before it left of rows that judge may be theirs.
+    let is_first = alone.cost() - without_held < HELD_FALL;
+    if is_sure
+        && is_first
+        && !failed.is_empty()
+        && failed.iter().all(Gate::is_of_rows_that_judge)
+        && crossed::is_silent(&judged::alone(problem, &fitted, &telling))
+        && crossed::is_foretold(problem, &fitted, &telling)
+    {
+        failed.clear();
     }
     if failed.is_empty() && !is_far(&fitted, without) && makes_runs_worse(problem, without, &fitted) {
         failed.push(Gate::Runs);

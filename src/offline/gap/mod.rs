@@ -26,6 +26,7 @@ pub mod consequence;
 pub mod contour;
 pub mod controller;
 mod counts;
+pub mod crossed;
 pub mod demo;
 pub mod fit;
 pub mod floor;

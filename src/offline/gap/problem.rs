@@ -57,6 +57,8 @@ pub struct AxisData {
     pub held: Vec<bool>,
     /// After so many rows its command only repeats what this run or one before it has had.
     pub first_pass: usize,
+    /// Runs of the same command have the same number.
+    pub command: usize,
 }
 
 /// Which rows.
@@ -164,6 +166,7 @@ impl<'m> Problem<'m> {
                 fit: data.fit[..rows].to_vec(),
                 held: vec![false; rows],
                 first_pass: rows,
+                command: data.command,
             }
         };
         let tells = |data: &&AxisData| data.fit[..data.first_pass.min(data.fit.len())].contains(&true);

@@ -3,8 +3,10 @@
 //! Invariant: the model without it is at a bottom of its own.
 
 use super::blocks::Blocks;
+use super::crossed;
 use super::fit::{Effort, Fitted, fit};
-use super::gates::{FALL, HELD_FALL, does_not_show_where_judged};
+use super::gates::{FALL, HELD_FALL, does_not_show_where_judged, telling};
+use super::judged;
 use super::model::Model;
 use super::problem::{Part, Problem};
 use super::refit::{PLAINLY, base_refitted, ended, refitted, scale};
@@ -70,7 +72,14 @@ impl Without {
         let entry = model.model.effects[place].entry;
         let is_rough = is_rough(&self.fitted, model, self.rough, rows[0]);
         let is_plain = does_not_show_where_judged(entry, &self.fitted, model, [&self.blocks, blocks], rows);
-        fall > FALL && !is_rough && (is_worse || is_plain)
+        let amplitudes = telling(&model.model, place);
+        // Linear about the model with it, no other valley has a say.
+        let is_foretold = || {
+            crossed::is_silent(&judged::alone(problem, model, &amplitudes))
+                && !blocks.is_surely_worse_than(&self.blocks)
+                && crossed::is_foretold(problem, model, &amplitudes)
+        };
+        fall > FALL && (!is_rough && (is_worse || is_plain) || is_foretold())
     }
 }
 
