@@ -17,8 +17,8 @@ use super::judged::Judged;
 use super::linear::{BLOCK_S, Linear, LinearRun, Loss, Normal, Steps, regular, residuals};
 use super::problem::{Part, Problem, Residual};
 
-/// Rows that judge do not show an amplitude of which they would be so many standard deviations sure at most, and which they
-/// put within so many of what it is.
+/// Rows that judge do not show an amplitude that they leave unsure by more than this share of it, and which they
+/// put within so many standard deviations of what it is.
 const UNSURE: f64 = 0.2;
 const NEAR: f64 = 3.0;
 /// What commands foretell of each other is this share of what all of them gain at least.
