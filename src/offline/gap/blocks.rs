@@ -31,49 +31,20 @@ pub(super) struct Blocks(Vec<Block>);
 
 impl Blocks {
     pub(super) fn new(problem: &Problem<'_>, model: &Model) -> Self {
-        let length = (BLOCK_S / problem.machine.cycle.period.as_s()) as usize;
-        let mut blocks = Vec::new();
-        let places = problem.places(Part::Held);
+        let length = problem.rows_in(BLOCK_S);
         let signals = problem.signals();
-        for (place, residual) in places.into_iter().zip(residuals(problem, model, Part::Held)) {
+        let of_run = |(place, left): (usize, Residual)| {
             let weights = signals.iter().map(|signal| problem.weights(place, *signal).collect());
             let weights: Vec<Vec<f64>> = weights.collect();
-            let rows = residual.iter().map(Vec::len).max().unwrap_or(0);
-            for from in (0..rows).step_by(length) {
-                let mut block = Block::default();
-                for (((cost, told), signal), weights) in block.iter_mut().zip(&residual).zip(&weights) {
-                    let values = || signal.iter().skip(from).take(length).copied();
-                    *cost = values().map(|value| Loss::LAST.of(value)).sum();
-                    // A row that does not count is zero.
-                    let weights = weights.iter().skip(from).take(length);
-                    *told = values()
-                        .zip(weights)
-                        .filter(|(value, _)| *value != 0.0)
-                        .map(|(_, weight)| weight)
-                        .sum();
-                }
-                blocks.push(block);
-            }
-        }
-        Self(blocks)
+            blocks_of(&left, |signal, row| weights[signal].get(row).copied().unwrap_or(0.0), length)
+        };
+        let runs = problem.places(Part::Held).into_iter().zip(residuals(problem, model, Part::Held));
+        Self(runs.flat_map(of_run).collect())
     }
 
-    /// Of what is left of runs, in blocks of so many rows.
+    /// Of what is left of runs, in blocks of so many rows that each tell as much as one.
     pub(super) fn of_residuals(runs: &[Residual], length: usize) -> Self {
-        let of_run = |run: &Residual| {
-            let rows = run.iter().map(Vec::len).max().unwrap_or(0);
-            let of = |from: usize| {
-                let mut block = Block::default();
-                for ((cost, told), signal) in block.iter_mut().zip(run) {
-                    let values = signal.iter().skip(from).take(length);
-                    *told = values.clone().filter(|value| **value != 0.0).count() as f64;
-                    *cost = values.map(|value| Loss::LAST.of(*value)).sum();
-                }
-                block
-            };
-            (0..rows).step_by(length).map(of).collect::<Vec<_>>()
-        };
-        Self(runs.iter().flat_map(of_run).collect())
+        Self(runs.iter().flat_map(|left| blocks_of(left, |_, _| 1.0, length)).collect())
     }
 
     /// Of known costs of one signal.
@@ -140,6 +111,21 @@ impl Blocks {
         };
         (0..DRAWS.0).filter(drawn).count() <= DRAWS.1
     }
+}
+
+/// What is left of a run in blocks of so many rows, each of which tells so much of a signal; one that does not count is zero.
+fn blocks_of(left: &Residual, weight: impl Fn(usize, usize) -> f64, length: usize) -> Vec<Block> {
+    let rows = left.iter().map(Vec::len).max().unwrap_or(0);
+    let of = |from: usize| {
+        let mut block = Block::default();
+        for (number, ((cost, told), signal)) in block.iter_mut().zip(left).enumerate() {
+            let values = || signal.iter().enumerate().skip(from).take(length);
+            *cost = values().map(|(_, value)| Loss::LAST.of(*value)).sum();
+            *told = values().filter(|(_, value)| **value != 0.0).map(|(row, _)| weight(number, row)).sum();
+        }
+        block
+    };
+    (0..rows).step_by(length).map(of).collect()
 }
 
 /// Of all signals of a block.

@@ -24,8 +24,18 @@ const NEAR: f64 = 3.0;
 /// What commands foretell of each other is this share of what all of them gain at least.
 const FORETOLD: f64 = 0.5;
 
+/// Whether commands judge amplitudes in the place of rows that judge and say this of them, and find them.
+pub(super) fn stands_in(
+    problem: &Problem<'_>,
+    fitted: &Fitted,
+    amplitudes: &[usize],
+    judged: &[Judged],
+) -> bool {
+    is_silent(judged) && is_foretold(problem, fitted, amplitudes)
+}
+
 /// Whether rows that judge say neither that amplitudes are there nor that they are not.
-pub(super) fn is_silent(judged: &[Judged]) -> bool {
+fn is_silent(judged: &[Judged]) -> bool {
     let is_unsure = |one: &Judged| one.deviation > UNSURE && (one.share - 1.0).abs() < NEAR * one.deviation;
     !judged.is_empty() && judged.iter().all(is_unsure)
 }

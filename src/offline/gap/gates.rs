@@ -4,6 +4,7 @@
 //! that a model that is wrong elsewhere makes nothing significant.
 //! Invariant: a function of fits and rows alone; the same candidate passes the same gates.
 
+use std::cell::LazyCell;
 use std::collections::BTreeSet;
 use std::fmt;
 
@@ -285,11 +286,11 @@ pub(super) fn judged(
     if !entry.parameters.iter().enumerate().all(is_whole) {
         failed.push(Gate::Whole);
     }
+    let asked = LazyCell::new(|| judged::alone(problem, &fitted, &telling));
     // Last, for it takes longest. What has values that no such effect has is asked too: it may show that something is missing.
     if failed.iter().all(Gate::is_of_values) && !is_hidden {
         let deviations = ALONE[usize::from(!in_all_draws)];
-        let alone = judged::alone(problem, &fitted, &telling);
-        let wants = |deviations: f64| alone.iter().any(|alone| alone.is_more_than(deviations, ALONE_SHARE));
+        let wants = |deviations: f64| asked.iter().any(|one| one.is_more_than(deviations, ALONE_SHARE));
         if !wants(deviations) {
             failed.push(Gate::Judged);
         }
@@ -306,8 +307,7 @@ pub(super) fn judged(
         && is_first
         && !failed.is_empty()
         && failed.iter().all(Gate::is_of_rows_that_judge)
-        && crossed::is_silent(&judged::alone(problem, &fitted, &telling))
-        && crossed::is_foretold(problem, &fitted, &telling)
+        && crossed::stands_in(problem, &fitted, &telling, &asked)
     {
         failed.clear();
     }

@@ -295,17 +295,17 @@ fn positions(simulated: &Signals, setpoints_m: impl Iterator<Item = f64>) -> Vec
 
 #[cfg(test)]
 mod tests {
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64Mcg;
+
     use super::*;
 
     #[test]
     fn a_loud_run_hides_no_line_of_another() {
         const LINE: usize = 50;
         // Half as loud as what is about it, and a stretch of ten that outweighs all of the others a thousand times.
-        let mut state = 1_u64;
-        let mut chance = || {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (state >> 33) as f64 / 2_f64.powi(30) - 1.0
-        };
+        let mut random = Pcg64Mcg::seed_from_u64(1);
+        let mut chance = || random.random_range(-1.0..1.0);
         let swing = |row: usize| 0.5 * (TAU * LINE as f64 * row as f64 / 4_096.0).sin();
         let quiet: Vec<f64> = (0..4_096).map(|row| swing(row) + chance()).collect();
         let loud: Vec<f64> = (0..4_096).map(|row| if row < 10 { 1e4 * chance() } else { 0.0 }).collect();

@@ -75,9 +75,9 @@ impl Without {
         let amplitudes = telling(&model.model, place);
         // Linear about the model with it, no other valley has a say.
         let is_foretold = || {
-            crossed::is_silent(&judged::alone(problem, model, &amplitudes))
-                && !blocks.is_surely_worse_than(&self.blocks)
-                && crossed::is_foretold(problem, model, &amplitudes)
+            let judged = judged::alone(problem, model, &amplitudes);
+            !blocks.is_surely_worse_than(&self.blocks)
+                && crossed::stands_in(problem, model, &amplitudes, &judged)
         };
         fall > FALL && (!is_rough && (is_worse || is_plain) || is_foretold())
     }
