@@ -9,6 +9,8 @@ const NEAR: f64 = 0.03;
 const SHARE: f64 = 0.98;
 /// Fewer changes tell no step.
 const CHANGES_MIN: usize = 100;
+/// By how much more are taken at a time to tell it.
+const FASTER: f64 = 10.0;
 /// What the rounding of numbers alone makes of a step, as a share of the largest value.
 const DUST: f64 = 1e-12;
 
@@ -21,9 +23,19 @@ pub(super) fn step(column: &[f64]) -> f64 {
         return 0.0;
     }
     let least = changes.iter().copied().fold(f64::INFINITY, f64::min);
-    // The mean of those that are one step: a single one has the rounding of its numbers.
-    let ones: Vec<f64> = changes.iter().copied().filter(|change| *change < (1.0 + NEAR) * least).collect();
-    let step = ones.iter().sum::<f64>() / ones.len() as f64;
+    let fastest = changes.iter().copied().fold(0.0, f64::max);
+    // Those that are one step tell it by the rounding of their numbers, those of ten by a tenth of that, and so on.
+    let mut step = least;
+    let mut most = 1.0 + NEAR;
+    while most * step < FASTER * fastest {
+        let few = changes.iter().filter(|change| **change < most * step);
+        let [product, square] = few.fold([0.0; 2], |[product, square], change| {
+            let count = (change / step).round();
+            [product + count * change, square + count * count]
+        });
+        step = product / square;
+        most *= FASTER;
+    }
     let is_whole = |change: &&f64| (*change / step - (*change / step).round()).abs() < NEAR;
     let whole = changes.iter().filter(is_whole).count();
     if whole as f64 >= SHARE * changes.len() as f64 { step } else { 0.0 }
@@ -43,6 +55,11 @@ mod tests {
             let found_m = step(&of(step_m));
             assert!((found_m / step_m - 1.0).abs() < 1e-3, "{found_m} m, and not {step_m} m");
         }
+        // Counts that were written down with few digits.
+        let written: Vec<f64> =
+            of(1.149_436e-8).iter().map(|place_m| (1e10 * place_m).round() * 1e-10).collect();
+        let found_m = step(&written);
+        assert!((found_m / 1.149_436e-8 - 1.0).abs() < 1e-4, "{found_m} m");
         let smooth: Vec<f64> = (0..20_000).map(place_m).collect();
         assert_eq!(step(&smooth), 0.0);
         assert_eq!(step(&[0.3; 500]), 0.0, "it stands");
