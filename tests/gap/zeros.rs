@@ -95,6 +95,27 @@ fn a_zero_that_was_set_anew_between_runs_is_no_effect() {
 }
 
 #[test]
+fn what_is_less_than_a_count_of_the_scale_may_be_of_counts() {
+    let machine = config::load("paper").expect("a machine");
+    let runs = three(&machine, &[]);
+    let problem =
+        |hidden_m: f64| problem_of(&machine, &runs, &repeats(&runs), AxisId::X, 0, &[0; 3]).hiding(hidden_m);
+    let with = |name: &str, values| {
+        let tried = Tried { entry: entry(name).expect("an effect"), values };
+        Model::new(machine.axes[AxisId::X].plant).with(tried)
+    };
+    // Over 20 mm, 15 nm rms at most.
+    let model = with("scale-error", [1.0, 0.0, 0.0]);
+    assert!(problem(2e-8).may_be_of_counts(&model));
+    assert!(!problem(1e-9).may_be_of_counts(&model), "encoders that resolve it");
+    assert!(
+        !problem(2e-8).may_be_of_counts(&with("scale-error", [100.0, 0.0, 0.0])),
+        "a hundred times as much"
+    );
+    assert!(!problem(2e-8).may_be_of_counts(&with("screw-ripple", [0.01, 1.0, 0.0])), "it is of no scale");
+}
+
+#[test]
 fn a_column_that_was_cut_off_is_no_effect() {
     let machine = config::load("paper").expect("a machine");
     let step_m = 1e-6;

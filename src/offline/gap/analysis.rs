@@ -187,7 +187,8 @@ fn axis<'m>(
     }
     let start = Model::new(machine.axes[id].plant);
     let (mut named, mut weighed) = name::name(&problem, &start, &say);
-    if problem.as_clocked(&named).zeros_are_apart(&start, &named.model.model) {
+    let clocked = problem.as_clocked(&named);
+    if clocked.may_be_of_counts(&named.model.model) || clocked.zeros_are_apart(&start, &named.model.model) {
         say("runs with a zero of the table scale each");
         problem = problem.with_zeros(Zeros::OfEachRun);
         (named, weighed) = name::name(&problem, &start, &say);
@@ -261,7 +262,8 @@ pub fn problem_of<'m>(
         }
     }
     let is_coarser = step_m > COARSER * resolution_m;
-    Problem::new(machine, id, gain_set, data, noises).written_in(if is_coarser { step_m } else { 0.0 })
+    let written_m = if is_coarser { step_m } else { 0.0 };
+    Problem::new(machine, id, gain_set, data, noises).written_in(written_m).hiding(count_m.hypot(table_m))
 }
 
 /// How well the loops explain the current, and in which row of each run the position loop acts first; gains that somebody named must

@@ -113,6 +113,8 @@ pub struct Problem<'m> {
     zeros: Zeros,
     /// Steps in which positions were written down, m; zero where they are no coarser than what the loops count.
     pub(super) position_step_m: f64,
+    /// What encoders do not resolve of the deflection, m, as a standard deviation.
+    pub(super) hidden_m: f64,
 }
 
 /// What a model leaves of a run, whitened: signal by signal, row by row; zero where a row does not count.
@@ -141,6 +143,7 @@ impl<'m> Problem<'m> {
             holds_force: false,
             zeros,
             position_step_m: 0.0,
+            hidden_m: 0.0,
         }
     }
 
@@ -198,6 +201,12 @@ impl<'m> Problem<'m> {
     #[must_use]
     pub fn written_in(self, position_step_m: f64) -> Self {
         Self { position_step_m, ..self }
+    }
+
+    /// The same with encoders that hide so much of the deflection, m, as a standard deviation.
+    #[must_use]
+    pub fn hiding(self, hidden_m: f64) -> Self {
+        Self { hidden_m, ..self }
     }
 
     /// The same with loops that see the velocity another way.

@@ -19,10 +19,13 @@ use super::model::Model;
 use super::problem::{AxisData, Part, Problem, Residual, SIGNALS};
 use super::refit::coarsely;
 use super::usual;
-use crate::offline::median::median;
 
 /// Runs whose deflections are further apart have no zero in common, m: ten times as far as a drive could push a screw.
 const APART_M: f64 = 1e-4;
+/// Runs may be so many times as far apart as what encoders hide.
+const COUNTS: f64 = 3.0;
+/// Share of the rows of a run at either end that say nothing of its middle.
+const TENTH: f64 = 0.1;
 /// Zeros that are apart are so much of what is left, or it is something else.
 const SHARE: f64 = 0.25;
 
@@ -52,9 +55,13 @@ pub(super) fn about_zero(mut data: Vec<AxisData>) -> (Vec<AxisData>, Zeros) {
     (data, zeros)
 }
 
-/// The median; zero of none.
+/// Half way between what a tenth of the values is below and above; zero of none. A table is held back one way and the other, and the
+/// median is on one of these sides.
 fn middle(values: &[f64]) -> f64 {
-    median(&mut values.to_vec()).unwrap_or(0.0)
+    let mut sorted = values.to_vec();
+    sorted.sort_unstable_by(f64::total_cmp);
+    let [low, high] = [TENTH, 1.0 - TENTH].map(|share| sorted.get((share * sorted.len() as f64) as usize));
+    low.zip(high).map_or(0.0, |(low, high)| 0.5 * (low + high))
 }
 
 /// What is left of the deflection of a run, from a zero of its own. Rows in which a slip comes a moment later say little of where that is.
@@ -82,6 +89,24 @@ impl Problem<'_> {
         })
     }
 
+    /// Whether an effect of the table scale shows no more than encoders hide: a machine begins anywhere within a count, and runs that are
+    /// apart by as much show the same.
+    pub fn may_be_of_counts(&self, model: &Model) -> bool {
+        let is_hidden = |place: usize| {
+            let without = model.without(place);
+            let (mut sum, mut rows) = (0.0, 0);
+            for run in 0..self.data.len() {
+                let [with, without] = [model, &without].map(|model| self.simulated(run, model).deflection_m);
+                sum += with.iter().zip(&without).map(|(with, without)| (with - without).powi(2)).sum::<f64>();
+                rows += with.len();
+            }
+            sum < rows as f64 * (COUNTS * self.hidden_m).powi(2)
+        };
+        let is_of_scale = |place: usize| model.effects[place].entry.is_of_table_scale();
+        self.zeros() == Zeros::OfAll
+            && (0..model.effects.len()).any(|place| is_of_scale(place) && is_hidden(place))
+    }
+
     /// Whether what a model leaves with one zero for all runs is that they have none in common: a zero for each makes up for it, beside that
     /// model or, where one zero has led it astray, beside a base from `start`.
     pub(super) fn zeros_are_apart(&self, start: &Model, model: &Model) -> bool {
@@ -101,5 +126,20 @@ impl Problem<'_> {
         let each = self.with_zeros(Zeros::OfEachRun);
         let is_of_zeros = |model: &Model| cost(&each, model) < (1.0 - SHARE) * one;
         is_of_zeros(model) || is_of_zeros(&coarsely(&each, &usual::with(start)).1.model)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_table_that_is_held_back_both_ways_has_its_zero_between_them() {
+        // Six of ten rows the one way, a slip, and what nobody believes.
+        let rows = (0..1_000).map(|row| if row % 10 < 6 { 7e-6 } else { -7e-6 });
+        let rows: Vec<f64> = rows.chain([2e-6; 5]).chain([1.0; 3]).collect();
+        assert_eq!(middle(&rows), 0.0);
+        assert_eq!(middle(&[3.0]), 3.0);
+        assert_eq!(middle(&[]), 0.0);
     }
 }
