@@ -1,6 +1,6 @@
 //! Promise: an effect that the rows that judge cannot show is judged by each command from what the others say of it.
 
-use quadrant::offline::gap::crossed::is_foretold;
+use quadrant::offline::gap::crossed;
 
 use super::*;
 
@@ -18,7 +18,8 @@ fn foretold(circles: [(f64, f64); 3]) -> bool {
     let problem = problem_of(&machine, &runs, &repeats(&runs), AxisId::X, 0, &[0; 3]);
     let begun = Model::new(file).with(Tried { entry: ripple, values: [0.25, 1.0, 40.0] });
     let fitted = fit(&problem, &begun, Effort::Coarse(3), None);
-    is_foretold(&problem, &fitted, &[begun.first_coordinate(0)])
+    let said = crossed::foretold(&problem, &fitted, &[begun.first_coordinate(0)], &[]);
+    said.is_some_and(|found| found.is_found())
 }
 
 #[test]

@@ -7,12 +7,15 @@
 //!
 //! Circles of 5 mm say nothing of a scale that is off by 2 um/m, which a sweep of 200 mm shows. So each command judges
 //! what the others say, all of it linear about the model with the effect, so that no other valley of the base has a say.
+//! What is tried beside others must explain more than may be left of those: in runs and signals that say most of it, as
+//! large a share of what those explain there as it must of rows that judge.
 //! Invariant: no command has a say in the amplitude that it judges.
 
 use nalgebra::{DMatrix, DVector};
 
 use super::blocks::Blocks;
 use super::fit::Fitted;
+use super::gates::FURTHER;
 use super::judged::Judged;
 use super::linear::{BLOCK_S, Linear, LinearRun, Loss, Normal, Steps, regular, residuals};
 use super::problem::{Part, Problem, Residual};
@@ -23,26 +26,40 @@ const UNSURE: f64 = 0.2;
 const NEAR: f64 = 3.0;
 /// What commands foretell of each other is this share of what all of them gain at least.
 const FORETOLD: f64 = 0.5;
+/// Share of what is foretold that is most of it.
+const MOST: f64 = 0.5;
 
-/// Whether commands judge amplitudes in the place of rows that judge and say this of them, and find them.
-pub(super) fn stands_in(
-    problem: &Problem<'_>,
-    fitted: &Fitted,
-    amplitudes: &[usize],
-    judged: &[Judged],
-) -> bool {
-    is_silent(judged) && is_foretold(problem, fitted, amplitudes)
+/// What commands say of amplitudes.
+pub struct Foretold {
+    /// Whether what they gain is no chance, and the most of it is what others foretell.
+    is_sure: bool,
+    /// Whether it is more than what others leave that were named before.
+    is_further: bool,
+    /// By how much the cost of each run falls with what others say.
+    pub(super) gained: Vec<f64>,
+}
+
+impl Foretold {
+    /// Whether commands find amplitudes that others foretell.
+    pub const fn is_found(&self) -> bool {
+        self.is_sure && self.is_further
+    }
 }
 
 /// Whether rows that judge say neither that amplitudes are there nor that they are not.
-fn is_silent(judged: &[Judged]) -> bool {
+pub(super) fn is_silent(judged: &[Judged]) -> bool {
     let is_unsure = |one: &Judged| one.deviation > UNSURE && (one.share - 1.0).abs() < NEAR * one.deviation;
     !judged.is_empty() && judged.iter().all(is_unsure)
 }
 
-/// Whether the runs of each command are foretold better with some amplitudes than without by those of the others, and all together
-/// surely are.
-pub fn is_foretold(problem: &Problem<'_>, fitted: &Fitted, amplitudes: &[usize]) -> bool {
+/// What the runs of each command say of some amplitudes, by those that all others ask for; `before` are those of effects that were
+/// named already. Nothing where rows do not tell the base.
+pub fn foretold(
+    problem: &Problem<'_>,
+    fitted: &Fitted,
+    amplitudes: &[usize],
+    before: &[usize],
+) -> Option<Foretold> {
     let model = &fitted.model;
     let steps = Steps::of(model, &fitted.covariance);
     let shapes: Vec<usize> = model.shapes().collect();
@@ -66,24 +83,46 @@ pub fn is_foretold(problem: &Problem<'_>, fitted: &Fitted, amplitudes: &[usize])
             .reduce(Normal::plus)
             .map(|sum| sum.with_beliefs(model))
     };
-    let Some(all) = sum_of(&|_| true) else { return false };
+    let all = sum_of(&|_| true)?;
     let coordinates = model.coordinates();
     // What is left of each run with these amplitudes, and a base that all runs agree on.
-    let left = |amplitudes_of: &dyn Fn(usize) -> Option<Vec<(usize, f64)>>| -> Option<Blocks> {
+    let left = |amplitudes_of: &dyn Fn(usize) -> Option<Vec<(usize, f64)>>| -> Option<Vec<Residual>> {
         let moved =
             |(command, run): &(usize, LinearRun)| Some(run.moved(&step_to(&all, &amplitudes_of(*command)?)?));
-        Some(Blocks::of_residuals(&runs.iter().map(moved).collect::<Option<Vec<_>>>()?, block))
+        runs.iter().map(moved).collect()
     };
     let by = |sum: &Normal| {
         let step = sum.step()?;
         Some(amplitudes.iter().map(|at| (*at, step[*at])).collect())
     };
-    let without = left(&|_| Some(amplitudes.iter().map(|at| (*at, -coordinates[*at])).collect()));
-    let by_all = left(&|_| by(&all));
-    let by_others = left(&|own| by(&sum_of(&|other| other != own)?));
-    let (Some(without), Some(by_all), Some(by_others)) = (without, by_all, by_others) else { return false };
-    let fall = |with: &Blocks| without.cost() - with.cost();
-    without.is_surely_worse_than(&by_all) && fall(&by_others) > FORETOLD * fall(&by_all)
+    let none_of = |all: &[usize]| Some(all.iter().map(|at| (*at, -coordinates[*at])).collect());
+    let without = left(&|_| none_of(amplitudes))?;
+    let by_all = left(&|_| by(&all))?;
+    let by_others = left(&|own| by(&sum_of(&|other| other != own)?))?;
+    let of_all = |left: &[Residual]| Blocks::of_residuals(left, block);
+    let [before_it, with_it, foretold] = [&without, &by_all, &by_others].map(|left| of_all(left));
+    let is_sure = before_it.is_surely_worse_than(&with_it)
+        && before_it.cost() - foretold.cost() > FORETOLD * (before_it.cost() - with_it.cost());
+    let is_further = before.is_empty()
+        || is_further(&left(&|_| none_of(&[amplitudes, before].concat()))?, &without, &by_others);
+    let cost = |run: &Residual| Blocks::of_residuals(std::slice::from_ref(run), block).cost();
+    let gained = without.iter().zip(&by_others).map(|(without, with)| cost(without) - cost(with)).collect();
+    Some(Foretold { is_sure, is_further, gained })
+}
+
+/// Whether most of what a further effect makes the cost of runs fall by is in runs and signals in which it is a share of
+/// what those before it did: their equations may be off by as much.
+fn is_further(alone: &[Residual], without: &[Residual], with: &[Residual]) -> bool {
+    let costs = |left: &[Residual]| -> Vec<f64> {
+        left.iter().flatten().map(|signal| signal.iter().map(|value| Loss::LAST.of(*value)).sum()).collect()
+    };
+    let [alone, without, with] = [alone, without, with].map(costs);
+    let each = without.iter().zip(&with).map(|(without, with)| without - with);
+    let shown = each
+        .clone()
+        .zip(alone.iter().zip(&without))
+        .filter(|(fall, (alone, without))| *fall >= FURTHER * (*alone - *without).max(0.0));
+    shown.map(|(fall, _)| fall).sum::<f64>() > MOST * each.sum::<f64>()
 }
 
 /// How far the minimum is where some coordinates are moved by so much.
@@ -115,6 +154,26 @@ mod tests {
             assert_eq!(is_silent(&[Judged { share, deviation }]), silent, "{share}, {deviation}");
         }
         assert!(!is_silent(&[]));
+    }
+
+    #[test]
+    fn what_comes_beside_others_says_most_where_they_explain_little() {
+        // Two runs of two signals, of which each row costs as much.
+        let left = |costs: [[f64; 2]; 2]| -> Vec<Residual> {
+            costs.iter().map(|run| run.iter().map(|cost| vec![cost.sqrt(); 100]).collect()).collect()
+        };
+        let (alone, without) = (left([[8.0, 1.0], [1.1, 1.0]]), left([[2.0, 1.0], [1.1, 1.0]]));
+        for (with, further) in [
+            // In the run and the signal of which those before it said nothing.
+            ([[2.0, 1.0], [1.1, 0.9]], true),
+            // A fortieth of what they explained where they did.
+            ([[1.85, 1.0], [1.1, 1.0]], false),
+            ([[1.85, 1.0], [1.0, 1.0]], false),
+            // A tenth of it.
+            ([[1.4, 1.0], [1.1, 1.0]], true),
+        ] {
+            assert_eq!(is_further(&alone, &without, &left(with)), further, "{with:?}");
+        }
     }
 
     #[test]

@@ -12,14 +12,15 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::blocks::Blocks;
-use super::crossed;
+use super::crossed::{self, Foretold};
 use super::fit::{Effort, Fitted, fit};
-use super::judged;
+use super::judged::{self, Judged};
 use super::linear::Linear;
 use super::model::{Model, Tried};
 use super::nearby::costs_nearby;
 use super::problem::Problem;
 use super::refit::{ITERATIONS, is_far, scale};
+use super::usual::is_usual;
 use crate::plant::effects::{CATALOGUE, Entry, Experiment, Parameter};
 
 /// Fall of the information criterion that a candidate must bring on the fitted rows, beyond what the number of candidates
@@ -31,7 +32,7 @@ pub(super) const HELD_FALL: f64 = 25.0;
 const HELD_SHARE: f64 = 0.02;
 /// A further effect must make the cost fall there by this share of what those before it did: their equations may be off by as
 /// much, and so is what they leave.
-const FURTHER: f64 = 0.04;
+pub(super) const FURTHER: f64 = 0.04;
 /// Cost per row that is plainly more than that of noise, as a ratio.
 pub(super) const PLAIN: f64 = 1.05;
 /// An amplitude must be so many of its standard deviations. Nine runs tell their scatter, and seven deviations of Student's
@@ -301,20 +302,33 @@ pub(super) fn judged(
     } else if !is_sure {
         failed.push(Gate::Amplitude);
     }
-    // What those before it left of rows that judge may be theirs.
-    let is_first = alone.cost() - without_held < HELD_FALL;
+    let before = (0..added).filter(|place| !is_usual(fitted.model.effects[*place].entry));
+    let before: Vec<usize> = before.flat_map(|place| self::telling(&fitted.model, place)).collect();
+    let foretold = LazyCell::new(|| crossed::foretold(problem, &fitted, &telling, &before));
+    let is_found = || foretold.as_ref().is_some_and(Foretold::is_found);
     if is_sure
-        && is_first
         && !failed.is_empty()
         && failed.iter().all(Gate::is_of_rows_that_judge)
-        && crossed::stands_in(problem, &fitted, &telling, &asked)
+        && does_not_speak_against(&asked)
+        && is_found()
     {
         failed.clear();
     }
-    if failed.is_empty() && !is_far(&fitted, without) && makes_runs_worse(problem, without, &fitted) {
+    // Linear about the model with it, no valley of stick and slip has a say.
+    let is_gained = || is_found() && foretold.as_ref().is_some_and(|found| !costs_much(&found.gained));
+    if failed.is_empty()
+        && !is_far(&fitted, without)
+        && makes_runs_worse(problem, without, &fitted)
+        && !is_gained()
+    {
         failed.push(Gate::Runs);
     }
     Candidate { evidence: fall + held_fall, fitted, held, failed }
+}
+
+/// Whether rows that judge say that an amplitude is there, or nothing.
+pub(super) fn does_not_speak_against(judged: &[Judged]) -> bool {
+    crossed::is_silent(judged) || judged.iter().any(|one| one.is_more_than(ALONE[1], ALONE_SHARE))
 }
 
 /// Whether a model with an effect costs some of the fitted runs much of what it gains in the others.
@@ -353,6 +367,16 @@ mod tests {
             assert_eq!(candidate.shows_something(), shows, "{failed:?}");
             assert_eq!(candidate.is_doubtful(), is_doubtful, "{failed:?}");
         }
+    }
+
+    #[test]
+    fn rows_that_judge_may_say_nothing_or_that_it_is_there() {
+        for (share, deviation, may) in
+            [(1.2, 0.5, true), (0.9, 0.1, true), (0.3, 0.1, false), (0.1, 0.25, false)]
+        {
+            assert_eq!(does_not_speak_against(&[Judged { share, deviation }]), may, "{share}, {deviation}");
+        }
+        assert!(!does_not_speak_against(&[]));
     }
 
     #[test]

@@ -5,7 +5,7 @@
 use super::blocks::Blocks;
 use super::crossed;
 use super::fit::{Effort, Fitted, fit};
-use super::gates::{FALL, HELD_FALL, does_not_show_where_judged, telling};
+use super::gates::{FALL, HELD_FALL, does_not_show_where_judged, does_not_speak_against, telling};
 use super::judged;
 use super::model::Model;
 use super::problem::{Part, Problem};
@@ -77,7 +77,8 @@ impl Without {
         let is_foretold = || {
             let judged = judged::alone(problem, model, &amplitudes);
             !blocks.is_surely_worse_than(&self.blocks)
-                && crossed::stands_in(problem, model, &amplitudes, &judged)
+                && does_not_speak_against(&judged)
+                && crossed::foretold(problem, model, &amplitudes, &[]).is_some_and(|found| found.is_found())
         };
         fall > FALL && (!is_rough && (is_worse || is_plain) || is_foretold())
     }
