@@ -42,6 +42,8 @@ const SURE: f64 = 7.0;
 /// fitted rows say.
 const ALONE: [f64; 2] = [4.0, 5.0];
 const ALONE_SHARE: f64 = 0.5;
+/// A delay or a lag of less than this share of a cycle of the loops is how one formulation of them differs from another.
+const OF_CYCLE: f64 = 0.02;
 /// What explains little must not make runs worse by so much of what it gains in others: what an axis does while it sticks imitates anything,
 /// in one run this way and in another that.
 const WORSE: f64 = 0.2;
@@ -275,6 +277,9 @@ pub(super) fn judged(
     let place = fitted.model.first_coordinate(added);
     let telling = telling(&fitted.model, added);
     let is_sure = telling.iter().any(|amplitude| fitted.is_surely_not_zero(*amplitude, SURE));
+    if is_of_formulation(&fitted.model.effects[added], problem.machine.cycle.period.as_s()) {
+        failed.push(Gate::Amplitude);
+    }
     if fitted.model.is_at_bound(added) {
         failed.push(Gate::Bounds);
     }
@@ -326,6 +331,12 @@ pub(super) fn judged(
     Candidate { evidence: fall + held_fall, fitted, held, failed }
 }
 
+/// Whether an effect is a time so short that two formulations of the same loops differ by as much.
+fn is_of_formulation(tried: &Tried, period_s: f64) -> bool {
+    let Parameter { unit, .. } = tried.entry.parameters[0];
+    unit == "us" && 1e-6 * tried.values[0] < OF_CYCLE * period_s
+}
+
 /// Whether rows that judge say that an amplitude is there, or nothing.
 pub(super) fn does_not_speak_against(judged: &[Judged]) -> bool {
     crossed::is_silent(judged) || judged.iter().any(|one| one.is_more_than(ALONE[1], ALONE_SHARE))
@@ -366,6 +377,20 @@ mod tests {
                 Candidate { fitted: fitted.clone(), held: 0.0, evidence: 0.0, failed: failed.to_vec() };
             assert_eq!(candidate.shows_something(), shows, "{failed:?}");
             assert_eq!(candidate.is_doubtful(), is_doubtful, "{failed:?}");
+        }
+    }
+
+    #[test]
+    fn a_time_of_a_hundredth_of_a_cycle_is_how_formulations_differ() {
+        for (name, value, is) in [
+            ("current-loop-lag", 6.2, true),
+            ("actuator-delay", 9.0, true),
+            ("actuator-delay", 36.0, false),
+            // Of no loop.
+            ("backlash", 0.1, false),
+        ] {
+            let tried = Tried { entry: entry(name).expect("an effect"), values: [value, 0.0, 0.0] };
+            assert_eq!(is_of_formulation(&tried, 5e-4), is, "{name} {value}");
         }
     }
 
