@@ -31,7 +31,7 @@ const MOST: f64 = 0.5;
 
 /// What commands say of amplitudes.
 pub struct Foretold {
-    /// Whether what they gain is no chance, and the most of it is what others foretell.
+    /// Whether what others foretell is no chance, and most of what they gain.
     is_sure: bool,
     /// Whether it is more than what others leave that were named before.
     is_further: bool,
@@ -101,7 +101,7 @@ pub fn foretold(
     let by_others = left(&|own| by(&sum_of(&|other| other != own)?))?;
     let of_all = |left: &[Residual]| Blocks::of_residuals(left, block);
     let [before_it, with_it, foretold] = [&without, &by_all, &by_others].map(|left| of_all(left));
-    let is_sure = before_it.is_surely_worse_than(&with_it)
+    let is_sure = before_it.is_surely_worse_than(&foretold)
         && before_it.cost() - foretold.cost() > FORETOLD * (before_it.cost() - with_it.cost());
     let is_further = before.is_empty()
         || is_further(&left(&|_| none_of(&[amplitudes, before].concat()))?, &without, &by_others);
