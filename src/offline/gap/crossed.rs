@@ -13,7 +13,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::blocks::Blocks;
+use super::blocks::{Blocks, is_mostly_further};
 use super::fit::Fitted;
 use super::gates::FURTHER;
 use super::judged::Judged;
@@ -26,25 +26,6 @@ const UNSURE: f64 = 0.2;
 const NEAR: f64 = 3.0;
 /// What commands foretell of each other is this share of what all of them gain at least.
 const FORETOLD: f64 = 0.5;
-/// Share of what is foretold that is most of it.
-const MOST: f64 = 0.5;
-
-/// What commands say of amplitudes.
-pub struct Foretold {
-    /// Whether what others foretell is no chance, and most of what they gain.
-    is_sure: bool,
-    /// Whether it is more than what others leave that were named before.
-    is_further: bool,
-    /// By how much the cost of each run falls with what others say.
-    pub(super) gained: Vec<f64>,
-}
-
-impl Foretold {
-    /// Whether commands find amplitudes that others foretell.
-    pub const fn is_found(&self) -> bool {
-        self.is_sure && self.is_further
-    }
-}
 
 /// Whether rows that judge say neither that amplitudes are there nor that they are not.
 pub(super) fn is_silent(judged: &[Judged]) -> bool {
@@ -52,14 +33,14 @@ pub(super) fn is_silent(judged: &[Judged]) -> bool {
     !judged.is_empty() && judged.iter().all(is_unsure)
 }
 
-/// What the runs of each command say of some amplitudes, by those that all others ask for; `before` are those of effects that were
-/// named already. Nothing where rows do not tell the base.
+/// By how much the cost of each run falls with amplitudes that all other commands ask for, where that is surely no chance, most of what
+/// all of them gain, and more than what effects leave that were named already, of which `before` are the amplitudes; nothing otherwise.
 pub fn foretold(
     problem: &Problem<'_>,
     fitted: &Fitted,
     amplitudes: &[usize],
     before: &[usize],
-) -> Option<Foretold> {
+) -> Option<Vec<f64>> {
     let model = &fitted.model;
     let steps = Steps::of(model, &fitted.covariance);
     let shapes: Vec<usize> = model.shapes().collect();
@@ -103,11 +84,17 @@ pub fn foretold(
     let [before_it, with_it, foretold] = [&without, &by_all, &by_others].map(|left| of_all(left));
     let is_sure = before_it.is_surely_worse_than(&foretold)
         && before_it.cost() - foretold.cost() > FORETOLD * (before_it.cost() - with_it.cost());
-    let is_further = before.is_empty()
-        || is_further(&left(&|_| none_of(&[amplitudes, before].concat()))?, &without, &by_others);
-    let cost = |run: &Residual| Blocks::of_residuals(std::slice::from_ref(run), block).cost();
-    let gained = without.iter().zip(&by_others).map(|(without, with)| cost(without) - cost(with)).collect();
-    Some(Foretold { is_sure, is_further, gained })
+    if !is_sure {
+        return None;
+    }
+    if !before.is_empty() {
+        let alone = left(&|_| none_of(&[amplitudes, before].concat()))?;
+        if !is_further(&alone, &without, &by_others) {
+            return None;
+        }
+    }
+    let cost = |run: &Residual| Loss::LAST.sum(run);
+    Some(without.iter().zip(&by_others).map(|(without, with)| cost(without) - cost(with)).collect())
 }
 
 /// Whether most of what a further effect makes the cost of runs fall by is in runs and signals in which it is a share of
@@ -117,12 +104,9 @@ fn is_further(alone: &[Residual], without: &[Residual], with: &[Residual]) -> bo
         left.iter().flatten().map(|signal| signal.iter().map(|value| Loss::LAST.of(*value)).sum()).collect()
     };
     let [alone, without, with] = [alone, without, with].map(costs);
-    let each = without.iter().zip(&with).map(|(without, with)| without - with);
-    let shown = each
-        .clone()
-        .zip(alone.iter().zip(&without))
-        .filter(|(fall, (alone, without))| *fall >= FURTHER * (*alone - *without).max(0.0));
-    shown.map(|(fall, _)| fall).sum::<f64>() > MOST * each.sum::<f64>()
+    let each =
+        alone.iter().zip(&without).zip(&with).map(|((alone, without), with)| [*alone, *without, *with]);
+    is_mostly_further(each, FURTHER)
 }
 
 /// How far the minimum is where some coordinates are moved by so much.

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::blocks::Blocks;
-use super::crossed::{self, Foretold};
+use super::crossed;
 use super::fit::{Effort, Fitted, fit};
 use super::judged::{self, Judged};
 use super::linear::Linear;
@@ -304,23 +304,22 @@ pub(super) fn judged(
         if !is_sure && !wants(SURE) {
             failed.push(Gate::Amplitude);
         }
-    } else if !is_sure {
+    } else if !is_sure && !failed.contains(&Gate::Amplitude) {
         failed.push(Gate::Amplitude);
     }
     let before = (0..added).filter(|place| !is_usual(fitted.model.effects[*place].entry));
     let before: Vec<usize> = before.flat_map(|place| self::telling(&fitted.model, place)).collect();
     let foretold = LazyCell::new(|| crossed::foretold(problem, &fitted, &telling, &before));
-    let is_found = || foretold.as_ref().is_some_and(Foretold::is_found);
     if is_sure
         && !failed.is_empty()
         && failed.iter().all(Gate::is_of_rows_that_judge)
         && does_not_speak_against(&asked)
-        && is_found()
+        && foretold.is_some()
     {
         failed.clear();
     }
     // Linear about the model with it, no valley of stick and slip has a say.
-    let is_gained = || is_found() && foretold.as_ref().is_some_and(|found| !costs_much(&found.gained));
+    let is_gained = || foretold.as_ref().is_some_and(|gained| !costs_much(gained));
     if failed.is_empty()
         && !is_far(&fitted, without)
         && makes_runs_worse(problem, without, &fitted)

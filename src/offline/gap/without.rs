@@ -78,7 +78,7 @@ impl Without {
             let judged = judged::alone(problem, model, &amplitudes);
             !blocks.is_surely_worse_than(&self.blocks)
                 && does_not_speak_against(&judged)
-                && crossed::foretold(problem, model, &amplitudes, &[]).is_some_and(|found| found.is_found())
+                && crossed::foretold(problem, model, &amplitudes, &[]).is_some()
         };
         fall > FALL && (!is_rough && (is_worse || is_plain) || is_foretold())
     }
