@@ -46,7 +46,9 @@ pub fn foretold(
     let shapes: Vec<usize> = model.shapes().collect();
     let of_part = |part: Part| {
         let left = (part, residuals(problem, model, part));
-        let linear = Linear::new(problem, model, left, None, &steps).holding(&shapes);
+        let linear = Linear::new(problem, model, left, None, &steps)
+            .holding(&shapes)
+            .where_straight_to_none(problem, part, amplitudes);
         let commands = problem.places(part).into_iter().map(|place| problem.data[place].command);
         commands.zip(linear.runs).collect::<Vec<_>>()
     };

@@ -41,7 +41,11 @@ pub fn alone(problem: &Problem<'_>, fitted: &Fitted, amplitudes: &[usize]) -> Ve
         .filter(|coordinate| !amplitudes.contains(coordinate) && !shapes.contains(coordinate))
         .collect();
     let left = (Part::Held, residuals(problem, model, Part::Held));
-    let linear = Linear::new(problem, model, left, None, &steps).holding(&shapes);
+    let linear = Linear::new(problem, model, left, None, &steps).holding(&shapes).where_straight_to_none(
+        problem,
+        Part::Held,
+        amplitudes,
+    );
     // By their size: what is far off tells most of an effect that is not there.
     let equations = linear.normal(problem.rows_in(BLOCK_S), Loss::straight(K));
     let found = of_others(&fitted.covariance, &known).and_then(|curvature| {

@@ -13,14 +13,16 @@
 use std::iter::repeat;
 use std::sync::Arc;
 
+use nalgebra::DVector;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
 
 use super::floor::Pick;
 use super::forward::Signals;
+use super::linear::{Linear, LinearRun, residuals};
 use super::model::Model;
-use super::problem::{AxisData, Part, Problem, SIGNALS};
+use super::problem::{AxisData, Part, Problem, Residual, SIGNALS};
 use super::twin::BASE;
 use crate::offline::running_mean::running_mean;
 
@@ -52,8 +54,7 @@ impl Problem<'_> {
     /// What whitened values of each row of a run are multiplied with, so that they are as loud as they tell.
     pub(super) fn scales(&self, place: usize, signal: usize) -> impl Iterator<Item = f64> + '_ {
         let near = self.rows_in(2.0 * NEAR_S);
-        let scale = move |[noise, bend]: [f64; 2]| (weight([noise, bend], near) / (noise + bend)).sqrt();
-        self.data[place].powers(signal).map(scale)
+        self.data[place].powers(signal).map(move |powers| scale(powers, near))
     }
 
     /// Places in [`SIGNALS`] of what a residual is of.
@@ -116,6 +117,43 @@ impl Problem<'_> {
     }
 }
 
+impl Linear {
+    /// The same where rows count less if the model is not straight about them on its way to where some coordinates are zero: where a slip
+    /// comes at another moment without an effect, or not at all, its derivative foretells neither.
+    #[must_use]
+    pub(super) fn where_straight_to_none(
+        mut self,
+        problem: &Problem<'_>,
+        part: Part,
+        coordinates: &[usize],
+    ) -> Self {
+        let (mut none, mut away) = (self.model.coordinates(), DVector::zeros(self.model.coordinate_count()));
+        for at in coordinates {
+            away[*at] = -std::mem::take(&mut none[*at]);
+        }
+        let there = residuals(problem, &self.model.at(&none), part);
+        let near = problem.rows_in(2.0 * NEAR_S);
+        self.runs.par_iter_mut().zip(there).for_each(|(run, there)| run.weigh_by_bend(&there, &away, near));
+        self
+    }
+}
+
+impl LinearRun {
+    /// Rows count less by how far what is left that far away is from what derivatives say, in the mean over so many rows.
+    fn weigh_by_bend(&mut self, there: &Residual, away: &DVector<f64>, near: usize) {
+        for (signal, (there, straight)) in there.iter().zip(self.moved(away)).enumerate() {
+            let bend: Vec<f64> =
+                there.iter().zip(straight).map(|(there, straight)| (there - straight).powi(2)).collect();
+            let scales: Vec<f64> =
+                running_mean(&bend, near).into_iter().map(|bend| scale([1.0, bend], near)).collect();
+            let weigh =
+                |of: &mut Residual| of[signal].iter_mut().zip(&scales).for_each(|(row, scale)| *row *= scale);
+            weigh(&mut self.residual);
+            self.columns.iter_mut().flatten().for_each(|column| weigh(Arc::make_mut(column)));
+        }
+    }
+}
+
 /// What is noise of a row, as a share of its power.
 fn told([noise, bend]: [f64; 2]) -> f64 {
     noise / (noise + bend)
@@ -127,7 +165,37 @@ fn weight(powers: [f64; 2], near: usize) -> f64 {
     told + (1.0 - told) / near as f64
 }
 
+/// What a row is multiplied with, so that it is as loud as it tells.
+fn scale([noise, bend]: [f64; 2], near: usize) -> f64 {
+    (weight([noise, bend], near) / (noise + bend)).sqrt()
+}
+
 fn bend(here: &Signals, sides: &[Signals; 2], pick: Pick) -> Vec<f64> {
     let [up, down] = sides.each_ref().map(pick);
     pick(here).iter().zip(up).zip(down).map(|((here, up), down)| 0.5 * (up + down) - here).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_of_a_slip_that_a_derivative_does_not_foretell_count_for_little_and_all_others_for_what_they_are()
+    {
+        let (rows, slip) = (1_000, 500..540);
+        // The derivative has the slip come later with half as much of an effect; without it there is none.
+        let column = (0..rows).map(|row| if slip.contains(&row) { 30.0 } else { 0.5 }).collect();
+        let mut run =
+            LinearRun { residual: vec![vec![1.0; rows]], columns: vec![None, Some(Arc::new(vec![column]))] };
+        let there = vec![vec![0.5; rows]];
+        run.weigh_by_bend(&there, &DVector::from_vec(vec![0.0, -1.0]), 20);
+        let column = run.columns[1].as_ref().expect("a column");
+        for (row, (left, by)) in run.residual[0].iter().zip(&column[0]).enumerate() {
+            if slip.contains(&row) {
+                assert!(*left < 0.02 && *by < 0.5, "{row}: {left}, {by}");
+            } else if row.abs_diff(520) > 40 {
+                assert!((*left, *by) == (1.0, 0.5), "{row}: {left}, {by}");
+            }
+        }
+    }
 }
