@@ -301,8 +301,12 @@ pub fn name<'m>(
     let mut base = match base {
         // Weighed as all that is compared with it.
         Some(base) => fit(&problem, &base.model, Effort::Coarse(1), None),
-        // What is noise is at its bottom, or nobody could tell.
-        None if coarse.cost <= PLAIN * problem.count(Part::Fit) as f64 => coarse.clone(),
+        // What is noise is at its bottom, or nobody could tell, unless another model is held against it.
+        None if coarse.cost <= PLAIN * problem.count(Part::Fit) as f64
+            && !usual::may_be_named(&problem, &coarse, usual) =>
+        {
+            coarse.clone()
+        }
         None => fit(&problem, &coarse.model, Effort::Fine, None),
     };
     if effects.is_empty() {

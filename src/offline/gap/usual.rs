@@ -75,18 +75,26 @@ pub(super) fn told(
     // All rows say how sure a force is.
     let free = problem.holding_force(false);
     let mut model = of_the_spring(surely(&free, model, usual));
+    let mut blocks = blocks.clone();
     let (mut named, mut places, mut refused) = (Vec::new(), Vec::new(), Vec::new());
     for place in 0..usual {
-        let last = (0..all).filter(|other| *other != place).chain([place]);
-        let as_last = model.in_order(&last.collect::<Vec<_>>());
-        if !is_noticeable(problem, &model.model, place) || !is_sure(&free, &as_last) {
-            continue;
-        }
+        let Some(as_last) = that_may_be_named(problem, &free, &model, place) else { continue };
         let test = Without::of(problem, once, &model, place, [start, &alone.without(place)]);
         let gated = |fitted| judged(&free, &test.fitted, [&test.blocks, base], fitted);
+        let in_its_place = (0..place).chain([all - 1]).chain(place..all - 1).collect::<Vec<_>>();
         let mut own = gated(as_last);
+        if own.failed.contains(&Gate::Fit) {
+            // On its way to a bottom without it the base may have come to a deeper valley, which is there with it too.
+            let begun = own.fitted.model.effects.last().map(|tried| test.fitted.model.with(*tried));
+            let other = begun.map(|begun| fit(problem, &begun, Effort::Fine, None));
+            if let Some(deeper) = other.filter(|other| other.total < own.fitted.total) {
+                own = gated(with_all_sure(&free, &deeper));
+                model = own.fitted.in_order(&in_its_place);
+                blocks = Blocks::new(problem, &model.model);
+            }
+        }
         let is_needed = || {
-            test.shows_need(problem, &model, blocks, place)
+            test.shows_need(problem, &model, &blocks, place)
                 && !is_louder(problem, [&model.model, &test.fitted.model])
         };
         if own.failed.is_empty() && !is_needed() {
@@ -102,8 +110,7 @@ pub(super) fn told(
         class.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
         let best = &class[0];
         // In the place of its twin.
-        let back = (0..place).chain([all - 1]).chain(place..all - 1);
-        model = best.fitted.in_order(&back.collect::<Vec<_>>());
+        model = best.fitted.in_order(&in_its_place);
         let (name, margin) = (best.name(), margin(best.evidence));
         named.push(NamedEffect { name, class: weighed(class, margin), runner_up: None });
         places.push(place);
@@ -113,12 +120,38 @@ pub(super) fn told(
     Told { named, places, refused, model: model.in_order(&order) }
 }
 
-/// The same model with how sure all its coordinates are, where any of these effects is worth it.
+/// Whether any of these effects, which are the first `usual` of a model, may have to be named.
+pub(super) fn may_be_named(problem: &Problem<'_>, fitted: &Fitted, usual: usize) -> bool {
+    let free = problem.holding_force(false);
+    let model = surely(&free, fitted, usual);
+    (0..usual).any(|place| that_may_be_named(problem, &free, &model, place).is_some())
+}
+
+/// A model with one of these effects last, if that is sure and more of the friction than two laws of it differ by.
+fn that_may_be_named(
+    problem: &Problem<'_>,
+    free: &Problem<'_>,
+    model: &Fitted,
+    place: usize,
+) -> Option<Fitted> {
+    if !is_noticeable(problem, &model.model, place) {
+        return None;
+    }
+    let last = (0..model.model.effects.len()).filter(|other| *other != place).chain([place]);
+    let as_last = model.in_order(&last.collect::<Vec<_>>());
+    is_sure(free, &as_last).then_some(as_last)
+}
+
+/// The same where any of these effects is worth it.
 fn surely(free: &Problem<'_>, fitted: &Fitted, usual: usize) -> Fitted {
     let model = &fitted.model;
-    if !(0..usual).any(|place| is_noticeable(free, model, place)) {
-        return fitted.clone();
-    }
+    let is_asked = (0..usual).any(|place| is_noticeable(free, model, place));
+    if is_asked { with_all_sure(free, fitted) } else { fitted.clone() }
+}
+
+/// The same model with how sure all its coordinates are.
+fn with_all_sure(free: &Problem<'_>, fitted: &Fitted) -> Fitted {
+    let model = &fitted.model;
     let left = (Part::Fit, residuals(free, model, Part::Fit));
     let linear = Linear::new(free, model, left, None, &Steps::of(model, &fitted.covariance));
     let equations = linear.normal(free.rows_in(BLOCK_S), Loss::LAST).with_beliefs(model);
