@@ -43,7 +43,8 @@ fn a_scale_may_show_anything_where_an_axis_begins() {
 fn what_a_zero_changes_is_known_without_a_simulation() {
     let machine = config::load("paper").expect("a machine");
     let runs = three(&machine, &[]);
-    let problem = problem_of(&machine, &runs, &repeats(&runs), AxisId::X, 0, &[0; 3]).written_in(5e-6);
+    let problem = problem_of(&machine, &runs, &repeats(&runs), AxisId::X, 0, &[0; 3]);
+    let problem = problem.written_in(5e-6).hiding(0.0);
     let model = Model::new(machine.axes[AxisId::X].plant);
     let left = || (Part::Fit, residuals(&problem, &model, Part::Fit));
     let linear = Linear::new(&problem, &model, left(), None, &Steps::widest(&model));
@@ -95,24 +96,21 @@ fn a_zero_that_was_set_anew_between_runs_is_no_effect() {
 }
 
 #[test]
-fn what_is_less_than_a_count_of_the_scale_may_be_of_counts() {
+fn runs_that_begin_anywhere_within_a_count_have_zeros_as_far_apart() {
     let machine = config::load("paper").expect("a machine");
-    let runs = three(&machine, &[]);
-    let problem =
-        |hidden_m: f64| problem_of(&machine, &runs, &repeats(&runs), AxisId::X, 0, &[0; 3]).hiding(hidden_m);
-    let with = |name: &str, values| {
-        let tried = Tried { entry: entry(name).expect("an effect"), values };
-        Model::new(machine.axes[AxisId::X].plant).with(tried)
+    let model = Model::new(machine.axes[AxisId::X].plant);
+    // What both encoders hide of what they show, as a standard deviation.
+    let hidden_m = 1e-7;
+    let left = |by_m: [f64; 3]| {
+        let runs = shifted(three(&machine, &[]), by_m);
+        let problem = problem_of(&machine, &runs, &repeats(&runs), AxisId::X, 0, &[0; 3]).hiding(hidden_m);
+        assert_eq!(problem.zeros(), Zeros::OfAll);
+        let fitted = fit(&problem, &model, Effort::Coarse(12), None);
+        fitted.cost / problem.count(Part::Fit) as f64
     };
-    // Over 20 mm, 15 nm rms at most.
-    let model = with("scale-error", [1.0, 0.0, 0.0]);
-    assert!(problem(2e-8).may_be_of_counts(&model));
-    assert!(!problem(1e-9).may_be_of_counts(&model), "encoders that resolve it");
-    assert!(
-        !problem(2e-8).may_be_of_counts(&with("scale-error", [100.0, 0.0, 0.0])),
-        "a hundred times as much"
-    );
-    assert!(!problem(2e-8).may_be_of_counts(&with("screw-ripple", [0.01, 1.0, 0.0])), "it is of no scale");
+    let [together, within, beyond] = [[0.0; 3], [2e-7, -2e-7, 0.0], [2e-6, -2e-6, 0.0]].map(left);
+    assert!((within / together - 1.0).abs() < 0.05, "{within} within a count, {together} together");
+    assert!(beyond > 1.5 * together, "{beyond} ten counts apart, {together} together");
 }
 
 #[test]

@@ -187,8 +187,7 @@ fn axis<'m>(
     }
     let start = Model::new(machine.axes[id].plant);
     let (mut named, mut weighed) = name::name(&problem, &start, &say);
-    let clocked = problem.as_clocked(&named);
-    if clocked.may_be_of_counts(&named.model.model) || clocked.zeros_are_apart(&start, &named.model.model) {
+    if problem.as_clocked(&named).zeros_are_apart(&start, &named.model.model) {
         say("runs with a zero of the table scale each");
         problem = problem.with_zeros(Zeros::OfEachRun);
         (named, weighed) = name::name(&problem, &start, &say);

@@ -19,7 +19,7 @@ use rayon::prelude::*;
 
 use super::model::Model;
 use super::problem::{Part, Problem, Residual};
-use super::twin::BASE;
+use super::twin::{BASE, Base};
 
 /// Rows beyond this count by less than their square, in standard deviations.
 pub const K: f64 = 4.0;
@@ -229,8 +229,9 @@ fn column(
     if !model.is_free(coordinate) || !problem.tells(model, coordinate) {
         return None;
     }
-    if let Some((signal, base)) = BASE.get(coordinate).and_then(|base| Some((base.zero_of?, base))) {
-        return Some(problem.shifted(place, (signal, base.prior), part));
+    let shifted = |base: &Base| problem.shifted(place, (base.zero_of?, base.prior), part);
+    if let Some(column) = BASE.get(coordinate).and_then(shifted) {
+        return Some(column);
     }
     // Away from a bound where one is near.
     [step, -step].into_iter().find_map(|by| {

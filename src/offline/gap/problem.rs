@@ -290,8 +290,10 @@ impl<'m> Problem<'m> {
         let (data, (.., pick)) = (&self.data[place], SIGNALS[signal]);
         let less = |(measured, model)| measured - model;
         let mut left: Vec<f64> = pick(&data.measured).iter().zip(pick(simulated)).map(less).collect();
-        if signal == DEFLECTION && self.zeros == Zeros::OfEachRun {
-            to_zero(&mut left, data, part);
+        if let (DEFLECTION, Some(noise)) = (signal, &self.noises[signal])
+            && self.zero_reach_m() > 0.0
+        {
+            to_zero(&mut left, data, part, [noise.rms, self.zero_reach_m()]);
         }
         left
     }

@@ -1,7 +1,7 @@
 //! Where the zero of a table scale is: the same in all runs, unless somebody set it anew between them.
 //!
 //! ```text
-//!   runs that were recorded one after the other ──► one zero, a coordinate of the base
+//!   runs that were recorded one after the other ──► one zero, a coordinate of the base, but for what encoders hide
 //!   runs that one zero puts apart               ──► a zero for each, which is no coordinate
 //! ```
 //!
@@ -14,16 +14,19 @@ use serde::Serialize;
 
 use super::forward::DEFLECTION;
 use super::gates::PLAIN;
-use super::linear::{Loss, residuals};
+use super::linear::{K, Loss, residuals};
 use super::model::Model;
 use super::problem::{AxisData, Part, Problem, Residual, SIGNALS};
 use super::refit::coarsely;
 use super::usual;
+use crate::offline::median::median;
 
 /// Runs whose deflections are further apart have no zero in common, m: ten times as far as a drive could push a screw.
 const APART_M: f64 = 1e-4;
-/// Runs may be so many times as far apart as what encoders hide.
-const COUNTS: f64 = 3.0;
+/// The furthest that two encoders are off together, each by half a count, in what both hide as a standard deviation: the root of six.
+const FURTHEST: f64 = 2.449_489_742_783_178;
+/// Steps from a median to the mean of what is near.
+const STEPS: usize = 3;
 /// Share of the rows of a run at either end that say nothing of its middle.
 const TENTH: f64 = 0.1;
 /// Zeros that are apart are so much of what is left, or it is something else.
@@ -33,7 +36,7 @@ const SHARE: f64 = 0.25;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Zeros {
-    /// The same in all runs.
+    /// The same in all runs, as far as encoders tell.
     OfAll,
     /// Each run has its own.
     OfEachRun,
@@ -64,47 +67,57 @@ fn middle(values: &[f64]) -> f64 {
     low.zip(high).map_or(0.0, |(low, high)| 0.5 * (low + high))
 }
 
-/// What is left of the deflection of a run, from a zero of its own. Rows in which a slip comes a moment later say little of where that is.
-pub(super) fn to_zero(left: &mut [f64], data: &AxisData, part: Part) {
-    let (mut sum, mut weights) = (0.0, 0.0);
-    for ((value, counts), [noise, bend]) in left.iter().zip(data.rows(part)).zip(data.powers(DEFLECTION)) {
-        if *counts {
-            let weight = (noise + bend).recip();
-            sum += weight * value;
-            weights += weight;
-        }
+/// Takes off what is left of the deflection of a run where its own zero is, which is no further than `reach_m` from that of all, beside
+/// noise of so much rms. Rows in which a slip comes a moment later say little of where that is.
+pub(super) fn to_zero(left: &mut [f64], data: &AxisData, part: Part, [noise_m, reach_m]: [f64; 2]) {
+    let rows = left.iter().zip(data.rows(part)).zip(data.powers(DEFLECTION));
+    let rows: Vec<[f64; 2]> = rows
+        .filter(|((_, counts), _)| **counts)
+        .map(|((value, _), [noise, bend])| [*value, noise + bend])
+        .collect();
+    if rows.is_empty() {
+        return;
     }
-    let mean = sum / f64::max(weights, f64::MIN_POSITIVE);
-    left.iter_mut().for_each(|value| *value -= mean);
+    let zero_m = zero(&rows, noise_m).clamp(-reach_m, reach_m);
+    left.iter_mut().for_each(|value| *value -= zero_m);
+}
+
+/// The mean of rows of which each has its power in that of noise; those that are far off count as if they were at the edge of that.
+fn zero(rows: &[[f64; 2]], noise: f64) -> f64 {
+    let weights: f64 = rows.iter().map(|[_, power]| power.recip()).sum();
+    let mut values: Vec<f64> = rows.iter().map(|[value, _]| *value).collect();
+    let nearer = |zero: f64, _| {
+        let off = |[value, power]: &[f64; 2]| {
+            let edge = K * noise * power.sqrt();
+            (value - zero).clamp(-edge, edge) / power
+        };
+        zero + rows.iter().map(off).sum::<f64>() / weights
+    };
+    (0..STEPS).fold(median(&mut values).unwrap_or(0.0), nearer)
 }
 
 impl Problem<'_> {
-    /// What of a run changes where the zero of a signal is simulated so much higher.
-    pub(super) fn shifted(&self, place: usize, (shifted, by): (usize, f64), part: Part) -> Residual {
-        let data = &self.data[place];
-        let by = if shifted == DEFLECTION { by } else { by * self.position_step_m };
-        self.in_noise(place, part, |signal| {
-            let rows = SIGNALS[signal].2(&data.measured).len();
-            vec![if signal == shifted { -by } else { 0.0 }; rows]
-        })
+    /// How far the zero of the table scale of a run may be from that of all, m: a machine that is switched on anew begins anywhere within a
+    /// count.
+    pub(super) fn zero_reach_m(&self) -> f64 {
+        match self.zeros() {
+            Zeros::OfAll => FURTHEST * self.hidden_m,
+            Zeros::OfEachRun => f64::INFINITY,
+        }
     }
 
-    /// Whether an effect of the table scale shows no more than encoders hide: a machine begins anywhere within a count, and runs that are
-    /// apart by as much show the same.
-    pub fn may_be_of_counts(&self, model: &Model) -> bool {
-        let is_hidden = |place: usize| {
-            let without = model.without(place);
-            let (mut sum, mut rows) = (0.0, 0);
-            for run in 0..self.data.len() {
-                let [with, without] = [model, &without].map(|model| self.simulated(run, model).deflection_m);
-                sum += with.iter().zip(&without).map(|(with, without)| (with - without).powi(2)).sum::<f64>();
-                rows += with.len();
-            }
-            sum < rows as f64 * (COUNTS * self.hidden_m).powi(2)
-        };
-        let is_of_scale = |place: usize| model.effects[place].entry.is_of_table_scale();
-        self.zeros() == Zeros::OfAll
-            && (0..model.effects.len()).any(|place| is_of_scale(place) && is_hidden(place))
+    /// What of a run changes where the zero of a signal is simulated so much higher; nothing where a zero of its own may make up for that,
+    /// or for some of it.
+    pub(super) fn shifted(&self, place: usize, (shifted, by): (usize, f64), part: Part) -> Option<Residual> {
+        if shifted == DEFLECTION && self.zero_reach_m() > 0.0 {
+            return None;
+        }
+        let data = &self.data[place];
+        let by = if shifted == DEFLECTION { by } else { by * self.position_step_m };
+        Some(self.in_noise(place, part, |signal| {
+            let rows = SIGNALS[signal].2(&data.measured).len();
+            vec![if signal == shifted { -by } else { 0.0 }; rows]
+        }))
     }
 
     /// Whether what a model leaves with one zero for all runs is that they have none in common: a zero for each makes up for it, beside that
@@ -132,6 +145,15 @@ impl Problem<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_zero_is_where_most_rows_are_whatever_a_slip_says() {
+        // Noise of one, a tenth of the rows a hundred off, and a tenth that nobody knows.
+        let noise = (0..800).map(|row| [5.0 + if row % 2 == 0 { 1.0 } else { -1.0 }, 1.0]);
+        let rows: Vec<[f64; 2]> = noise.chain([[105.0, 1.0]; 100]).chain([[-500.0, 1e6]; 100]).collect();
+        let found = zero(&rows, 1.0);
+        assert!((found - 5.0).abs() < 0.6, "{found}");
+    }
 
     #[test]
     fn a_table_that_is_held_back_both_ways_has_its_zero_between_them() {
