@@ -2,6 +2,7 @@
 //! nothing is named.
 #![cfg(feature = "offline")]
 
+mod behind;
 mod crossed;
 mod loops;
 mod nearby;

@@ -86,6 +86,8 @@ struct Left {
     times_noise: Option<f64>,
     /// Without which base parameter it would show, and how many times what the file says that is.
     strained: Option<BTreeMap<&'static str, f64>>,
+    /// By how much all axes are behind their commands at once, at most; ahead if it is less than zero.
+    behind_us: Option<f64>,
     #[serde(skip)]
     sentence: String,
 }
@@ -95,6 +97,7 @@ impl Left {
         let mut left = Self { sentence: rest.to_string(), ..Self::default() };
         match *rest {
             Rest::Strained { parameter, ratio } => left.strained = Some([(parameter, ratio)].into()),
+            Rest::Behind { by_s, .. } => left.behind_us = Some(1e6 * by_s),
             Rest::In { signal, shows } => {
                 left.signal = Some(SIGNALS[signal].0);
                 match shows {

@@ -7,6 +7,7 @@ use std::time::Instant;
 
 use thiserror::Error;
 
+use super::behind::{Behind, behind};
 use super::bursts::bursts;
 use super::consequence::{Consequence, consequence};
 use super::contour::{Contour, contours};
@@ -111,6 +112,12 @@ impl Problem<'_> {
 }
 
 impl AxisGap<'_> {
+    /// It leaves something real.
+    fn leaves(&mut self, rest: Rest) {
+        self.rest = Some(rest);
+        self.verdict = verdict(&self.named, &self.gap, true, self.problem.is_noise_told());
+    }
+
     /// How its loops see the velocity, where that is not as the machine file says.
     pub fn other_estimate(&self) -> Option<VelocityEstimate> {
         let filed = self.problem.machine.axes[self.id].velocity_estimate;
@@ -160,9 +167,20 @@ pub fn analyse<'m>(
             })? as u8,
             None => by_the_current(&explained),
         };
-    let mut axes = Vec::new();
-    for (id, matches) in ids.into_iter().zip(&explained) {
-        axes.push(axis(machine, runs, &repeats, id, (gain_set, request.gains.is_some(), matches), progress)?);
+    let of_all = |runs: &[Run]| -> Result<Vec<AxisGap<'m>>, GapError> {
+        let of = |(id, matches): (&AxisId, &Vec<Vec<Match>>)| {
+            axis(machine, runs, &repeats, *id, (gain_set, request.gains.is_some(), matches), progress)
+        };
+        ids.iter().zip(&explained).map(of).collect()
+    };
+    let mut axes = of_all(runs)?;
+    let behind = behind(&axes);
+    if let Some(by_s) = behind.iter().map(|one| one.by_s).reduce(|a, b| if b.abs() > a.abs() { b } else { a })
+    {
+        progress("somebody turned the feed: again without what was there");
+        axes = of_all(&Behind::without(&behind, runs))?;
+        let rest = Rest::Behind { runs: behind.len(), by_s };
+        axes.iter_mut().for_each(|axis| axis.leaves(rest));
     }
     progress("circles, before and after");
     let contours = contours(runs, &axes);

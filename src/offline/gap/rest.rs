@@ -36,6 +36,13 @@ pub enum Rest {
         /// What it is, as a multiple of what the file says.
         ratio: f64,
     },
+    /// All axes are behind their commands by one time.
+    Behind {
+        /// In so many runs.
+        runs: usize,
+        /// At most, s.
+        by_s: f64,
+    },
 }
 
 impl Rest {
@@ -85,6 +92,14 @@ impl fmt::Display for Rest {
                     out,
                     "only with {} {ratio:.1} times that of the machine file do the runs come out: it stands for something else, or the file is wrong",
                     parameter.replace('_', " ")
+                );
+            }
+            Self::Behind { runs, by_s } => {
+                let side = if by_s < 0.0 { "ahead of" } else { "behind" };
+                return write!(
+                    out,
+                    "for a while all axes are {side} their commands by one time, up to {:.3} ms, in {runs} of the runs: somebody turned the feed, or commands were held; what was there is left out",
+                    1e3 * by_s.abs()
                 );
             }
         };
