@@ -80,6 +80,8 @@ struct Left {
     coordinate: Option<String>,
     /// At which it sounds.
     frequency_hz: Option<f64>,
+    /// After how much way it comes again.
+    period_mm: Option<f64>,
     /// In how many runs it pushes at moments of its own, of how many.
     pushed_runs: Option<[usize; 2]>,
     /// How many times as much as noise every run leaves, per row.
@@ -103,6 +105,7 @@ impl Left {
                 match shows {
                     Shows::Over(over) => left.coordinate = Some(over.to_string()),
                     Shows::Tone(tone_hz) => left.frequency_hz = Some(tone_hz),
+                    Shows::Period(period_mm) => left.period_mm = Some(period_mm),
                     Shows::Everywhere(times) => left.times_noise = Some(times),
                     Shows::Bursts(runs) => left.pushed_runs = Some(runs),
                 }

@@ -1,4 +1,4 @@
-//! Whether what a model leaves has a shape: one that all other runs foretell of each; or sounds at a frequency.
+//! Whether what a model leaves has a shape: one that all other runs foretell of each; or sounds at a frequency; or comes again along the way.
 //!
 //! ```text
 //!   all runs but one ──► means over bins of a coordinate, each way ──► what they explain of that one, block by block
@@ -11,6 +11,7 @@
 
 use rayon::prelude::*;
 
+use super::along::{Row, periods};
 use super::fit::share_that_holds;
 use super::linear::{Linear, Loss, Steps, residuals};
 use super::locate::{Coordinates, coordinates, place_of};
@@ -41,6 +42,8 @@ const FAR: f64 = 4.0;
 /// The gain of all blocks must be so many of its own standard deviations, and so much: where nothing is missing, formulations of
 /// the same physics differed by 315 and 3.7, and the loudest of a thousand tones of noise by 103 and 3.6.
 const SURE: f64 = 4.0;
+/// The same along the way, where the surest of thousands of lines of noise was 3.4.
+const SURE_ALONG: f64 = 5.0;
 const LEAST: f64 = 200.0;
 
 /// What a model leaves that is foretold.
@@ -92,7 +95,7 @@ fn largest(problem: &Problem<'_>, left: &[Vec<&Residual>; 2]) -> Option<Foretold
         places().flat_map(|(place, signal)| OVER.map(|over| (place, signal, over))).collect();
     let length = problem.rows_in(BLOCK_S);
     let shape = |(place, signal, over): &(usize, usize, Coordinate)| {
-        let gain = sure_sum(&gains(&binned(&runs, *place, *over), length))?;
+        let gain = sure_sum(&gains(&binned(&runs, *place, *over), length), SURE)?;
         Some(Foretold { gain, rest: Rest::In { signal: *signal, shows: Shows::Over(*over) } })
     };
     let of_tones = places().flat_map(|(place, signal)| {
@@ -100,12 +103,21 @@ fn largest(problem: &Problem<'_>, left: &[Vec<&Residual>; 2]) -> Option<Foretold
         tones(&left, length, problem.machine.cycle.position_every).into_iter().filter_map(
             move |(line, gains)| {
                 let shows = Shows::Tone(line as f64 / BLOCK_S);
-                Some(Foretold { gain: sure_sum(&gains)?, rest: Rest::In { signal, shows } })
+                Some(Foretold { gain: sure_sum(&gains, SURE)?, rest: Rest::In { signal, shows } })
             },
         )
     });
+    let of_ways = |(place, signal): (usize, usize)| {
+        let periods = periods(runs.iter().filter_map(|run| run.along(place)));
+        periods.into_iter().filter_map(move |(period_mm, gains)| {
+            let shows = Shows::Period(period_mm);
+            Some(Foretold { gain: sure_sum(&gains, SURE_ALONG)?, rest: Rest::In { signal, shows } })
+        })
+    };
+    let of_ways: Vec<Foretold> =
+        places().collect::<Vec<_>>().into_par_iter().flat_map_iter(of_ways).collect();
     let of_shapes: Vec<Foretold> = shapes.par_iter().filter_map(shape).collect();
-    of_tones.chain(of_shapes).max_by(|a, b| a.gain.total_cmp(&b.gain))
+    of_tones.chain(of_ways).chain(of_shapes).max_by(|a, b| a.gain.total_cmp(&b.gain))
 }
 
 /// The rows of a run that count.
@@ -134,6 +146,16 @@ impl Run {
         let left = (0..parts.first().map_or(0, |part| part.len())).map(of).collect();
         let all = coordinates(problem, place);
         Self { coordinates: counting.iter().map(|row| all[*row]).collect(), left }
+    }
+}
+
+impl Run {
+    /// Its rows along the way, of a signal that it has.
+    fn along(&self, signal: usize) -> Option<impl Iterator<Item = Row> + '_> {
+        let [place, way] = [Coordinate::Position, Coordinate::Direction].map(place_of);
+        let row =
+            move |(at, left): (&Coordinates, &f64)| Row { place_mm: at[place], way: at[way], left: *left };
+        Some(self.coordinates.iter().zip(self.left.get(signal)?).map(row))
     }
 }
 
@@ -181,11 +203,11 @@ fn sums(bins: &[usize], left: &[f64]) -> Vec<[f64; 2]> {
     sums
 }
 
-/// The sum of gains that is surely more than none.
-fn sure_sum(gains: &[f64]) -> Option<f64> {
+/// The sum of gains that is so many of its own standard deviations more than none.
+fn sure_sum(gains: &[f64], deviations: f64) -> Option<f64> {
     let (count, sum) = (gains.len() as f64, gains.iter().sum::<f64>());
     let scatter = gains.iter().map(|gain| (gain - sum / count).powi(2)).sum::<f64>() / (count - 1.0);
-    let is_sure = gains.len() >= LEAST_BLOCKS && sum > LEAST && sum > SURE * (count * scatter).sqrt();
+    let is_sure = gains.len() >= LEAST_BLOCKS && sum > LEAST && sum > deviations * (count * scatter).sqrt();
     is_sure.then_some(sum)
 }
 
@@ -221,7 +243,7 @@ mod tests {
         let runs = runs(size, is_of_all);
         let runs: Vec<(Vec<usize>, &[f64])> =
             runs.iter().map(|(bins, left)| (bins.clone(), left.as_slice())).collect();
-        sure_sum(&gains(&runs, BLOCK))
+        sure_sum(&gains(&runs, BLOCK), SURE)
     }
 
     #[test]

@@ -17,6 +17,7 @@
 //! falsify it; `circles` are found in the setpoints; [`write_back`] adds them to the machine file. [`demo`] is a machine to show it on.
 //! Invariant: what is named was better on rows that no model had seen, and what cannot be told apart is named together.
 
+mod along;
 pub mod analysis;
 pub mod behind;
 mod blocks;

@@ -76,6 +76,8 @@ pub enum Shows {
     Over(Coordinate),
     /// It sounds at a frequency, Hz.
     Tone(f64),
+    /// It comes again after so much way, mm.
+    Period(f64),
     /// It is in every run: so many times as much as noise is left of the quietest, per row.
     Everywhere(f64),
     /// It pushes an axis that slides along, at moments of its own: in so many runs of so many.
@@ -110,6 +112,12 @@ impl fmt::Display for Rest {
             }
             Shows::Tone(frequency_hz) => {
                 write!(out, "what is left of the {signal} sounds at {frequency_hz:.0} Hz")
+            }
+            Shows::Period(period_mm) => {
+                write!(
+                    out,
+                    "what is left of the {signal} comes again after each {period_mm:.2} mm of the way"
+                )
             }
             Shows::Everywhere(times) => {
                 write!(out, "each run leaves at least {times:.1} times as much of the {signal} as noise does")

@@ -1,0 +1,134 @@
+//! How much louder than its neighbours each period along the way of what is left is, stretch after stretch: a wiper that sticks and lets
+//! go or a bearing that knocks keeps its way, whatever the speed, and no phase.
+//!
+//! ```text
+//!   what is left ──► windows of so much way, one way ──► power of each line ──► over the mean of the lines on its louder side
+//! ```
+//!
+//! Units: mm; what is left is whitened, so that a line of noise has a mean of 2 in a window; what is more is a gain, as of a tone.
+//! Invariant: noise has no gain on average, or a loss, however fast the axis is.
+
+use std::f64::consts::TAU;
+use std::ops::Range;
+
+use nalgebra::Complex;
+
+/// Windows, mm: a circle has at least one of the first each way.
+const WINDOWS_MM: [f64; 2] = [8.0, 16.0];
+/// Lines in half periods per window: what a window keeps apart is four of them away, and what is slow is no neighbour.
+const LINES: Range<usize> = 10..64;
+/// Lines on either side, from the nearest to the furthest, that are a neighbourhood.
+const ABOUT: [usize; 2] = [4, 8];
+
+/// A row that counts: where it is, which way it goes, and what is left of it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Row {
+    pub(super) place_mm: f64,
+    pub(super) way: f64,
+    pub(super) left: f64,
+}
+
+/// Periods, mm, with the gain of each window of all runs.
+pub(super) fn periods<'r, R: Iterator<Item = Row>>(
+    runs: impl Iterator<Item = R> + 'r,
+) -> Vec<(f64, Vec<f64>)> {
+    let runs: Vec<Vec<Row>> = runs.map(Iterator::collect).collect();
+    WINDOWS_MM.into_iter().flat_map(|window_mm| of_windows(&runs, window_mm)).collect()
+}
+
+fn of_windows(runs: &[Vec<Row>], window_mm: f64) -> Vec<(f64, Vec<f64>)> {
+    let mut lines: Vec<(f64, Vec<f64>)> =
+        LINES.map(|line| (2.0 * window_mm / line as f64, Vec::new())).collect();
+    for window in runs.iter().flat_map(|run| windows(run, window_mm)) {
+        let power = powers(window, window_mm);
+        for (line, (_, gains)) in LINES.zip(&mut lines) {
+            let sides = [line - ABOUT[1]..line - ABOUT[0] + 1, line + ABOUT[0]..line + ABOUT[1] + 1];
+            let mean = |side: Range<usize>| power[side.clone()].iter().sum::<f64>() / side.len() as f64;
+            let about = sides.into_iter().map(mean).fold(0.0, f64::max);
+            gains.push(if about > 0.0 { 2.0 * (power[line] / about - 1.0) } else { 0.0 });
+        }
+    }
+    lines
+}
+
+/// Stretches of so much way in one direction.
+fn windows(run: &[Row], window_mm: f64) -> Vec<&[Row]> {
+    let (mut found, mut from) = (Vec::new(), 0);
+    for (at, row) in run.iter().enumerate() {
+        if row.way == 0.0 || row.way != run[from].way {
+            from = at;
+        } else if (row.place_mm - run[from].place_mm).abs() >= window_mm {
+            found.push(&run[from..at]);
+            from = at;
+        }
+    }
+    found
+}
+
+/// Power of each line, from none to the last with its neighbours.
+fn powers(window: &[Row], window_mm: f64) -> Vec<f64> {
+    let mut sums = vec![Complex::new(0.0, 0.0); LINES.end + ABOUT[1]];
+    for row in window {
+        let through = (row.place_mm - window[0].place_mm).abs() / window_mm;
+        let turn = Complex::from_polar(1.0, 0.5 * TAU * through);
+        let mut by = Complex::from(row.left * (1.0 - (TAU * through).cos()));
+        for sum in &mut sums {
+            *sum += by;
+            by *= turn;
+        }
+    }
+    sums.iter().map(|sum| sum.norm_sqr()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64Mcg;
+
+    use super::*;
+
+    const LAPS: usize = 30;
+
+    /// Thirty laps of one axis of a circle, with noise and a swing of so many mm that begins anew at each reversal.
+    fn laps(amplitude: f64, period_mm: f64) -> Vec<Row> {
+        let mut random = Pcg64Mcg::seed_from_u64(8);
+        let (lap, radius_mm) = (3_000, 15.0);
+        let row = |row: usize| {
+            let at = TAU * row as f64 / lap as f64;
+            let phase = (row / (lap / 2)) as f64;
+            let place_mm = -radius_mm * at.cos();
+            let swing = amplitude * (TAU * place_mm / period_mm + phase).sin();
+            let noise = (0..12).map(|_| random.random::<f64>()).sum::<f64>() - 6.0;
+            Row { place_mm, way: at.sin().signum(), left: swing + noise }
+        };
+        (0..LAPS * lap).map(row).collect()
+    }
+
+    fn loudest(amplitude: f64) -> (f64, f64) {
+        let mean = |(period_mm, gains): &(f64, Vec<f64>)| {
+            (*period_mm, gains.iter().sum::<f64>() / gains.len() as f64)
+        };
+        let lines: Vec<(f64, f64)> =
+            periods(std::iter::once(laps(amplitude, 0.7).into_iter())).iter().map(mean).collect();
+        lines.into_iter().max_by(|a, b| a.1.total_cmp(&b.1)).expect("lines")
+    }
+
+    #[test]
+    fn a_swing_along_the_way_is_louder_than_what_is_about_it_at_its_period_whatever_the_speed() {
+        let (_, of_noise) = loudest(0.0);
+        assert!(of_noise < 2.0, "{of_noise}");
+        let (period_mm, gain) = loudest(0.3);
+        assert!((period_mm - 0.7).abs() < 0.03 && gain > 5.0, "{period_mm} mm, {gain}");
+    }
+
+    #[test]
+    fn windows_end_at_reversals() {
+        let run = laps(0.0, 1.0);
+        let found = windows(&run, 8.0);
+        // Three of 8 mm fit into each half lap of 30 mm.
+        assert_eq!(found.len(), LAPS * 2 * 3);
+        for window in found {
+            assert!(window.iter().all(|row| row.way == window[0].way));
+        }
+    }
+}
