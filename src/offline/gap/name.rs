@@ -31,16 +31,18 @@ use super::without::Without;
 use crate::plant::effects::{Experiment, entry};
 
 /// Candidates that are fitted together with the base to the first pass of each command. Those that explain this share of
-/// what the best of them explains stay after a few iterations from the better of two starts; in the end those of the
-/// second share are fitted to all rows, and the others where none of these passes.
+/// what the best of them explains, and the surest, stay after a few iterations from the better of two starts; in the end those of
+/// the second share are fitted to all rows, and the others where none of these passes.
 const FITTED: usize = 6;
 const SHARES: [f64; 2] = [0.1, 0.6];
 /// Iterations of a candidate that is fitted to few rows, before it may be dropped.
 const FEW: usize = 2;
 /// Most effects that are named of an axis.
 const EFFECTS_MAX: usize = 4;
-/// How often the search goes on from a deeper place of the base to which an effect led that is not needed.
+/// How often the search goes on from a deeper place of the base to which an effect led that is not needed, and what is deeper: small
+/// effects gain a thousandth of what is left.
 const VALLEYS: usize = 2;
+const DEEPER: f64 = 0.998;
 
 /// What an axis lacks.
 #[derive(Debug)]
@@ -257,7 +259,7 @@ pub fn name<'m>(
             base = Some(test.fitted.clone());
         }
         if !is_needed {
-            let is_deeper = is_far(&test.fitted, &before);
+            let is_deeper = test.fitted.total < DEEPER * before.total;
             (model, blocks) = (test.fitted, test.blocks);
             effects.pop();
             let mut best = best;
@@ -347,13 +349,8 @@ fn tested(
 
 /// A model where nothing of it is known well yet.
 fn linear(problem: &Problem<'_>, model: &Model) -> Linear {
-    Linear::new(
-        problem,
-        model,
-        (Part::Fit, residuals(problem, model, Part::Fit)),
-        None,
-        &Steps::widest(model),
-    )
+    let left = (Part::Fit, residuals(problem, model, Part::Fit));
+    Linear::new(problem, model, left, None, &Steps::widest(model))
 }
 
 /// The most promising of a list, fitted to few rows beside the model that was fitted before, from the better of two
@@ -372,7 +369,11 @@ fn screened(once: &Problem<'_>, here: &Linear, listed: &[Scored]) -> [Vec<Model>
         fit(once, start, Effort::Coarse(FEW), Some(here))
     };
     let ended = |begun: Fitted| fit(once, &begun.model, Effort::Coarse(ITERATIONS[1] - FEW), Some(here));
-    let mut begun: Vec<Fitted> = listed.par_iter().take(FITTED).map(begun).collect();
+    let tried = listed.par_iter().enumerate().filter(|(place, one)| *place < FITTED || one.is_sure);
+    let mut begun: Vec<Fitted> = tried.map(|(_, one)| begun(one)).collect();
+    let is_sure = |fitted: &Fitted| {
+        listed.iter().any(|one| one.is_sure && Some(one.entry().name) == gates::last_of(&fitted.model))
+    };
     // What is alike is tried from where the other went: where one leads far from the base, the linear estimate of the
     // other may not.
     let alike = begun
@@ -380,7 +381,7 @@ fn screened(once: &Problem<'_>, here: &Linear, listed: &[Scored]) -> [Vec<Model>
         .filter_map(|one| Some(fit(once, &one.model.with_last_as_alike()?, Effort::Coarse(FEW), Some(here))));
     let alike: Vec<Fitted> = alike.collect();
     for other in alike {
-        let name = |fitted: &Fitted| fitted.model.effects.last().map(|tried| tried.entry.name);
+        let name = |fitted: &Fitted| gates::last_of(&fitted.model);
         match begun.iter_mut().find(|one| name(one) == name(&other)) {
             Some(one) if one.total <= other.total => {}
             Some(one) => *one = other,
@@ -388,9 +389,9 @@ fn screened(once: &Problem<'_>, here: &Linear, listed: &[Scored]) -> [Vec<Model>
         }
     }
     let least = SHARES[0] * best(&begun);
-    begun.retain(|one| explained(one) > least);
+    begun.retain(|one| explained(one) > least || is_sure(one));
     let mut ended: Vec<Fitted> = begun.into_par_iter().map(ended).collect();
-    ended.retain(|one| explained(one) > 0.0);
+    ended.retain(|one| explained(one) > 0.0 || is_sure(one));
     let least = SHARES[1] * best(&ended);
     let (most, less): (Vec<Fitted>, Vec<Fitted>) = ended.into_iter().partition(|one| explained(one) >= least);
     [most, less].map(|all| all.into_iter().map(|fitted| fitted.model).collect())

@@ -12,12 +12,13 @@
 
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
+use std::sync::Arc;
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 
 use super::fit::share_that_holds;
-use super::linear::{K, Linear, LinearRun, Loss};
+use super::linear::{BLOCK_S, K, Linear, LinearRun, Loss};
 use super::model::{Model, Tried};
 use super::problem::{Part, Problem, Residual};
 use super::usual::is_usual;
@@ -27,6 +28,9 @@ use crate::plant::effects::{CATALOGUE, Entry, Parameter, Values};
 const LOSS: Loss = Loss::straight(K);
 /// Share of its usual size at which an effect is tried.
 const SHARE: f64 = 0.5;
+
+/// So many of the surest are tried, whatever others gain.
+const SUREST: usize = 3;
 
 /// Standard deviations of noise that an effect must be, beyond what the base makes up for, to be seen: half of those that
 /// were 8 to 15 of them were named.
@@ -69,6 +73,10 @@ pub struct Scored {
     pub starts: [Model; 2],
     /// By how much the cost falls, if all were linear.
     pub gain: f64,
+    /// In how many of its blocks' standard deviations, squared: what stick and slip imitate in a few blocks may gain more, and is less sure.
+    pub sureness: f64,
+    /// Whether it is one of the surest.
+    pub is_sure: bool,
 }
 
 impl Scored {
@@ -146,6 +154,8 @@ pub fn shortlist(problem: &Problem<'_>, here: &Linear, peaks: &dyn Fn(&Parameter
     };
     let (known, covariance) = ((curvature.clone(), equations.slope), curvature.inverse());
     let places = problem.places(Part::Fit);
+    let block = problem.rows_in(BLOCK_S);
+    let tangents: Vec<DMatrix<f64>> = here.runs.par_iter().map(|run| run.slopes(block)).collect();
     let tried = trials.par_iter().map(|(entry, values)| {
         let mut sums = Sums::new(model, entry);
         for (place, run) in places.iter().zip(&here.runs) {
@@ -157,7 +167,7 @@ pub fn shortlist(problem: &Problem<'_>, here: &Linear, peaks: &dyn Fn(&Parameter
                 column
             };
             let columns: Vec<Residual> = variants(entry, *values).into_iter().map(column).collect();
-            sums.add(run, columns);
+            sums.add(run, columns, block);
         }
         let beyond = sums.beyond(&known.0);
         // The first trial of an effect is at its usual values.
@@ -170,7 +180,7 @@ pub fn shortlist(problem: &Problem<'_>, here: &Linear, peaks: &dyn Fn(&Parameter
             return (None, is_first.then(|| Smallest::of(entry, deviation)));
         }
         let smallest = is_first.then(|| beyond.smallest(entry, values));
-        (sums.scored(beyond, &known, model, entry, *values), smallest)
+        (sums.scored(beyond, (&known, &tangents), model, entry, *values), smallest)
     });
     let (scored, smallest): (Vec<Option<Scored>>, Vec<Option<Smallest>>) = tried.unzip();
     let of_usual = usual_smallest(model, &covariance);
@@ -182,6 +192,8 @@ pub fn shortlist(problem: &Problem<'_>, here: &Linear, peaks: &dyn Fn(&Parameter
         }
     }
     let mut best: Vec<Scored> = best.into_values().collect();
+    best.sort_by(|a, b| b.sureness.total_cmp(&a.sureness));
+    best.iter_mut().take(SUREST).for_each(|scored| scored.is_sure = true);
     best.sort_by(|a, b| b.gain.total_cmp(&a.gain));
     let unseen = unseen.map(|entry| Smallest::of(entry, f64::INFINITY));
     Shortlist {
@@ -238,6 +250,8 @@ struct Sums {
     crossed: DMatrix<f64>,
     columns: DMatrix<f64>,
     slope: DVector<f64>,
+    /// By run: products of each column with what is left of each block, as rows count in the end.
+    blocks: Vec<DMatrix<f64>>,
 }
 
 impl Sums {
@@ -248,10 +262,11 @@ impl Sums {
             crossed: DMatrix::zeros(columns, count),
             columns: DMatrix::zeros(columns, columns),
             slope: DVector::zeros(columns),
+            blocks: Vec::new(),
         }
     }
 
-    fn add(&mut self, run: &LinearRun, columns: Vec<Residual>) {
+    fn add(&mut self, run: &LinearRun, columns: Vec<Residual>, block: usize) {
         for (i, column) in columns.iter().enumerate() {
             let mut weighed = column.clone();
             for (weighed, residual) in weighed.iter_mut().zip(&run.residual) {
@@ -265,6 +280,8 @@ impl Sums {
                 self.columns[(i, j)] += product(&weighed, other);
             }
         }
+        let columns = columns.into_iter().map(|column| Some(Arc::new(column))).collect();
+        self.blocks.push(LinearRun { residual: run.residual.clone(), columns }.slopes(block));
     }
 
     fn beyond(&self, curvature: &Cholesky<f64, Dyn>) -> Beyond {
@@ -279,13 +296,20 @@ impl Sums {
     fn scored(
         &self,
         Beyond { made_up, held }: Beyond,
-        (curvature, slope): &(Cholesky<f64, Dyn>, DVector<f64>),
+        ((curvature, slope), tangents): (&(Cholesky<f64, Dyn>, DVector<f64>), &[DMatrix<f64>]),
         model: &Model,
         entry: &'static Entry,
         values: Values,
     ) -> Option<Scored> {
         let left = made_up.transpose() * slope - &self.slope;
         let shares = held.cholesky()?.solve(&left);
+        let made_up = &made_up * &shares;
+        let of_run = |(own, tangents): (&DMatrix<f64>, &DMatrix<f64>)| -> DVector<f64> {
+            own.transpose() * &shares - tangents.transpose() * &made_up
+        };
+        let blocks = self.blocks.iter().zip(tangents).map(of_run);
+        let [sum, squares] = blocks
+            .fold([0.0; 2], |[sum, squares], of_run| [sum + of_run.sum(), squares + of_run.norm_squared()]);
         let mut tried = values;
         let mut wanted = values;
         match phase_of(entry) {
@@ -317,10 +341,66 @@ impl Sums {
         let at: Vec<f64> =
             model.coordinates().iter().zip(moved.iter()).map(|(at, by)| at + share * by).collect();
         let tried = Tried { entry, values: tried };
-        Some(Scored { starts: [model.with(tried), model.at(&at).with(tried)], gain })
+        Some(Scored {
+            starts: [model.with(tried), model.at(&at).with(tried)],
+            gain,
+            sureness: sum * sum / squares,
+            is_sure: false,
+        })
     }
+}
+
+impl LinearRun {
+    /// Products of each coordinate's column with what is left, as rows count in the end: by coordinate and block of so many rows.
+    fn slopes(&self, block: usize) -> DMatrix<f64> {
+        let rows = self.residual.iter().map(Vec::len).max().unwrap_or(0);
+        let mut slopes = DMatrix::zeros(self.columns.len(), rows.div_ceil(block));
+        for (signal, left) in self.residual.iter().enumerate() {
+            let pulls: Vec<f64> = left.iter().map(|left| Loss::LAST.weight(*left) * left).collect();
+            for (coordinate, column) in self.columns.iter().enumerate() {
+                let Some(column) = column else { continue };
+                for (number, (pulls, by)) in pulls.chunks(block).zip(column[signal].chunks(block)).enumerate()
+                {
+                    slopes[(coordinate, number)] += pulls.iter().zip(by).map(|(a, b)| a * b).sum::<f64>();
+                }
+            }
+        }
+        slopes
+    }
+}
+
+/// How sure a sum is by what it is a sum of, in standard deviations, squared.
+fn sureness(of: impl Iterator<Item = f64>) -> f64 {
+    let [sum, squares] = of.fold([0.0; 2], |[sum, squares], one| [sum + one, squares + one * one]);
+    sum * sum / squares
 }
 
 fn product(a: &Residual, b: &Residual) -> f64 {
     a.iter().zip(b).map(|(a, b)| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>()).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_gains_a_little_everywhere_is_surer_than_what_gains_more_in_one_place() {
+        let [everywhere, once] = [
+            sureness((0..100).map(|block| if block % 2 == 0 { 3.0 } else { -1.0 })),
+            sureness((0..100).map(|block| if block == 7 { 1_000.0 } else { 1.0 })),
+        ];
+        assert!((everywhere - 20.0).abs() < 1e-9 && once < 1.3, "{everywhere}, {once}");
+    }
+
+    #[test]
+    fn products_are_of_blocks_and_rows_that_are_far_off_count_for_little() {
+        let mut left = vec![1.0; 6];
+        left[4] = 40.0;
+        let run = LinearRun { residual: vec![left], columns: vec![None, Some(Arc::new(vec![vec![2.0; 6]]))] };
+        let slopes = run.slopes(4);
+        assert_eq!(slopes.shape(), (2, 2));
+        assert_eq!([slopes[(0, 0)], slopes[(1, 0)]], [0.0, 8.0]);
+        // Two, and the ten thousandth part of eighty.
+        assert!((slopes[(1, 1)] - 2.008).abs() < 1e-9, "{}", slopes[(1, 1)]);
+    }
 }
