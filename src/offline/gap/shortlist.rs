@@ -180,7 +180,7 @@ pub fn shortlist(problem: &Problem<'_>, here: &Linear, peaks: &dyn Fn(&Parameter
             return (None, is_first.then(|| Smallest::of(entry, deviation)));
         }
         let smallest = is_first.then(|| beyond.smallest(entry, values));
-        (sums.scored(beyond, (&known, &tangents), model, entry, *values), smallest)
+        (sums.scored(beyond, &known, &tangents, model, Tried { entry, values: *values }), smallest)
     });
     let (scored, smallest): (Vec<Option<Scored>>, Vec<Option<Smallest>>) = tried.unzip();
     let of_usual = usual_smallest(model, &covariance);
@@ -296,10 +296,10 @@ impl Sums {
     fn scored(
         &self,
         Beyond { made_up, held }: Beyond,
-        ((curvature, slope), tangents): (&(Cholesky<f64, Dyn>, DVector<f64>), &[DMatrix<f64>]),
+        (curvature, slope): &(Cholesky<f64, Dyn>, DVector<f64>),
+        tangents: &[DMatrix<f64>],
         model: &Model,
-        entry: &'static Entry,
-        values: Values,
+        Tried { entry, values }: Tried,
     ) -> Option<Scored> {
         let left = made_up.transpose() * slope - &self.slope;
         let shares = held.cholesky()?.solve(&left);
@@ -308,8 +308,7 @@ impl Sums {
             own.transpose() * &shares - tangents.transpose() * &made_up
         };
         let blocks = self.blocks.iter().zip(tangents).map(of_run);
-        let [sum, squares] = blocks
-            .fold([0.0; 2], |[sum, squares], of_run| [sum + of_run.sum(), squares + of_run.norm_squared()]);
+        let sureness = sureness(blocks.flat_map(|of_run| of_run.iter().copied().collect::<Vec<f64>>()));
         let mut tried = values;
         let mut wanted = values;
         match phase_of(entry) {
@@ -344,7 +343,7 @@ impl Sums {
         Some(Scored {
             starts: [model.with(tried), model.at(&at).with(tried)],
             gain,
-            sureness: sum * sum / squares,
+            sureness,
             is_sure: false,
         })
     }
