@@ -9,6 +9,7 @@ use serde::Serialize;
 
 use super::fit::Fitted;
 use super::foretold::foretold;
+use super::forward::Signals;
 use super::gates::Candidate;
 use super::linear::BLOCK_S;
 use super::model::Model;
@@ -136,22 +137,17 @@ pub(super) fn shape(problem: &Problem<'_>, named: &Named) -> Option<Rest> {
     Some(left.rest)
 }
 
-/// Whether what was named leaves much of what there is where it explains most: then it is something else that looks like it from afar. What
-/// another signal shows beside that is another matter.
+/// Whether what was named leaves much of what there is: then it is something else that looks like it from afar.
 pub(super) fn explains_too_little(problem: &Problem<'_>, named: &Named) -> bool {
     if !costs_more_than_noise(named) {
         return false;
     }
     let models = [&named.base.model, &named.model.model];
-    let explained = |blocks: &[[f64; 2]]| blocks.iter().map(|[before, after]| before - after).sum::<f64>();
-    let signals = (0..SIGNALS.len()).map(|signal| blocks_of_power(problem, models, signal));
-    let most = signals.max_by(|a, b| explained(a).total_cmp(&explained(b)));
-    most.is_some_and(|mut blocks| {
-        // Somebody may have leaned on the table.
-        blocks.sort_by(|a, b| a[1].total_cmp(&b[1]));
-        blocks.truncate(blocks.len() - (LEANED * blocks.len() as f64).ceil() as usize);
-        leaves_much(&blocks)
-    })
+    let mut blocks = blocks_of_power(problem, models);
+    // Somebody may have leaned on the table.
+    blocks.sort_by(|a, b| a[1].total_cmp(&b[1]));
+    blocks.truncate(blocks.len() - (LEANED * blocks.len() as f64).ceil() as usize);
+    leaves_much(&blocks)
 }
 
 fn leaves_much(blocks: &[[f64; 2]]) -> bool {
@@ -162,29 +158,43 @@ fn leaves_much(blocks: &[[f64; 2]]) -> bool {
     before > PLAIN && after > (1.0 - CLOSED) * before
 }
 
-/// Power of what two models leave of each block of the rows that were not fitted, in units of noise, of a signal. Rows count as in
-/// [`gaps`]: a second in which the table creeps outweighs a minute here as well.
-fn blocks_of_power(problem: &Problem<'_>, models: [&Model; 2], signal: usize) -> Vec<[f64; 2]> {
-    let length = problem.rows_in(BLOCK_S);
-    let Some(floor) = problem.floor(signal, Part::Held) else { return Vec::new() };
-    let of_run = |place: usize| -> Vec<[f64; 2]> {
+/// Power of what two models leave of each block of the rows that were not fitted, in units of noise, of the signal that
+/// shows most. Rows count as in [`gaps`]: a second in which the table creeps outweighs a minute here as well.
+fn blocks_of_power(problem: &Problem<'_>, models: [&Model; 2]) -> Vec<[f64; 2]> {
+    let length = (BLOCK_S / problem.machine.cycle.period.as_s()) as usize;
+    let floors: [Option<f64>; SIGNALS.len()] =
+        std::array::from_fn(|signal| problem.floor(signal, Part::Held));
+    let mut blocks = Vec::new();
+    for place in problem.places(Part::Held) {
         let rows = problem.data[place].rows(Part::Held);
-        let powers = models.map(|model| {
-            let left = problem.left(place, &problem.simulated(place, model), signal, Part::Held);
-            let told = problem.told(place, signal);
-            left.iter().zip(told).map(|(left, told)| told * (left / floor).powi(2)).collect::<Vec<f64>>()
-        });
-        let block = |from: usize| {
+        let simulated = models.map(|model| problem.simulated(place, model));
+        let left: Vec<[Vec<f64>; 2]> = (0..SIGNALS.len())
+            .filter_map(|signal| {
+                let floor = floors[signal]?;
+                let of = |simulated: &Signals| -> Vec<f64> {
+                    let left = problem.left(place, simulated, signal, Part::Held);
+                    let told = problem.told(place, signal);
+                    left.iter().zip(told).map(|(value, told)| told * (value / floor).powi(2)).collect()
+                };
+                Some(simulated.each_ref().map(of))
+            })
+            .collect();
+        for from in (0..rows.len()).step_by(length) {
             let counting: Vec<usize> =
                 (from..rows.len().min(from + length)).filter(|row| rows[*row]).collect();
-            let power = |of: &Vec<f64>| {
-                counting.iter().filter_map(|row| of.get(*row)).sum::<f64>() / counting.len() as f64
+            if counting.is_empty() {
+                continue;
+            }
+            let power = |which: usize| {
+                let of = |signal: &[Vec<f64>; 2]| {
+                    counting.iter().filter_map(|row| signal[which].get(*row)).sum::<f64>()
+                };
+                left.iter().map(of).fold(0.0, f64::max) / counting.len() as f64
             };
-            (!counting.is_empty()).then(|| powers.each_ref().map(power))
-        };
-        (0..rows.len()).step_by(length).filter_map(block).collect()
-    };
-    problem.places(Part::Held).into_iter().flat_map(of_run).collect()
+            blocks.push([power(0), power(1)]);
+        }
+    }
+    blocks
 }
 
 /// What is to be said of an axis, where something real is left or is not, and where passes told what noise is or did not: what is
