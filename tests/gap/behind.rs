@@ -35,21 +35,10 @@ fn laps(machine: &Machine, name: &str, (radius_mm, behind_s): (f64, f64), seed: 
         is_sound: vec![true; rows],
     };
     let mut random = Pcg64Mcg::seed_from_u64(seed);
-    let noise = Normal::new(0.0, NOISE_A).expect("a width");
     for id in [AxisId::X, AxisId::Y] {
-        let course = Course::new(&run, machine, id, 0, 0.0).expect("an axis");
-        let axis = &machine.axes[id];
-        let made = course.run(axis, machine.cycle.position_every, 0, &axis.plant);
-        let wanted = &run.axes[&id].setpoint_m;
-        let position_m: Vec<f64> = wanted.iter().zip(&made.following_error_m).map(|(s, e)| s - e).collect();
-        let table_m = position_m.iter().zip(&made.deflection_m).map(|(p, d)| p - d).collect();
-        let logged = AxisRun {
-            setpoint_m: times().map(|at_s| place_m(id, at_s)).collect(),
-            position_m,
-            table_m: Some(table_m),
-            current_a: made.current_a.iter().map(|current| current + noise.sample(&mut random)).collect(),
-        };
-        run.axes.insert(id, logged);
+        let made = recorded(machine, &run, (id, &machine.axes[id].plant), 0, &mut random);
+        let setpoint_m = times().map(|at_s| place_m(id, at_s)).collect();
+        run.axes.insert(id, AxisRun { setpoint_m, ..made });
     }
     run
 }

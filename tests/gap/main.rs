@@ -62,7 +62,7 @@ fn circle(
         position_m: vec![0.0; rows],
         table_m: Some(vec![0.0; rows]),
         current_a: vec![0.0; rows],
-        setpoint_m: setpoint_m.clone(),
+        setpoint_m,
     };
     let mut run = Run {
         name: name.to_owned(),
@@ -71,19 +71,31 @@ fn circle(
         axes: BTreeMap::from([(AxisId::X, blank)]),
         is_sound: vec![true; rows],
     };
-    let course = Course::new(&run, machine, AxisId::X, phase, 0.0).expect("an axis");
-    let made = course.run(&machine.axes[AxisId::X], machine.cycle.position_every, 0, plant);
     let mut random = Pcg64Mcg::seed_from_u64(seed);
-    let noise = Normal::new(0.0, NOISE_A).expect("a width");
-    let position_m: Vec<f64> = setpoint_m.iter().zip(&made.following_error_m).map(|(s, e)| s - e).collect();
-    let axis = AxisRun {
-        table_m: Some(position_m.iter().zip(&made.deflection_m).map(|(p, d)| p - d).collect()),
-        position_m,
-        current_a: made.current_a.iter().map(|current| current + noise.sample(&mut random)).collect(),
-        setpoint_m,
-    };
+    let axis = recorded(machine, &run, (AxisId::X, plant), phase, &mut random);
     run.axes.insert(AxisId::X, axis);
     run
+}
+
+/// What an axis with this plant does where a run has its setpoints.
+fn recorded(
+    machine: &Machine,
+    run: &Run,
+    (id, plant): (AxisId, &Parameters),
+    phase: usize,
+    random: &mut Pcg64Mcg,
+) -> AxisRun {
+    let course = Course::new(run, machine, id, phase, 0.0).expect("an axis");
+    let made = course.run(&machine.axes[id], machine.cycle.position_every, 0, plant);
+    let noise = Normal::new(0.0, NOISE_A).expect("a width");
+    let setpoint_m = run.axes[&id].setpoint_m.clone();
+    let position_m: Vec<f64> = setpoint_m.iter().zip(&made.following_error_m).map(|(s, e)| s - e).collect();
+    AxisRun {
+        table_m: Some(position_m.iter().zip(&made.deflection_m).map(|(p, d)| p - d).collect()),
+        position_m,
+        current_a: made.current_a.iter().map(|current| current + noise.sample(random)).collect(),
+        setpoint_m,
+    }
 }
 
 /// Runs of a machine whose base parameters differ from its file, and which may have effects.

@@ -13,6 +13,8 @@ use std::ops::Range;
 
 use nalgebra::Complex;
 
+use super::tones::gain;
+
 /// Windows, mm: a circle has at least one of the first each way.
 const WINDOWS_MM: [f64; 2] = [8.0, 16.0];
 /// Lines in half periods per window: what a window keeps apart is four of them away, and what is slow is no neighbour.
@@ -29,11 +31,8 @@ pub(super) struct Row {
 }
 
 /// Periods, mm, with the gain of each window of all runs.
-pub(super) fn periods<'r, R: Iterator<Item = Row>>(
-    runs: impl Iterator<Item = R> + 'r,
-) -> Vec<(f64, Vec<f64>)> {
-    let runs: Vec<Vec<Row>> = runs.map(Iterator::collect).collect();
-    WINDOWS_MM.into_iter().flat_map(|window_mm| of_windows(&runs, window_mm)).collect()
+pub(super) fn periods(runs: &[Vec<Row>]) -> Vec<(f64, Vec<f64>)> {
+    WINDOWS_MM.into_iter().flat_map(|window_mm| of_windows(runs, window_mm)).collect()
 }
 
 fn of_windows(runs: &[Vec<Row>], window_mm: f64) -> Vec<(f64, Vec<f64>)> {
@@ -42,10 +41,7 @@ fn of_windows(runs: &[Vec<Row>], window_mm: f64) -> Vec<(f64, Vec<f64>)> {
     for window in runs.iter().flat_map(|run| windows(run, window_mm)) {
         let power = powers(window, window_mm);
         for (line, (_, gains)) in LINES.zip(&mut lines) {
-            let sides = [line - ABOUT[1]..line - ABOUT[0] + 1, line + ABOUT[0]..line + ABOUT[1] + 1];
-            let mean = |side: Range<usize>| power[side.clone()].iter().sum::<f64>() / side.len() as f64;
-            let about = sides.into_iter().map(mean).fold(0.0, f64::max);
-            gains.push(if about > 0.0 { 2.0 * (power[line] / about - 1.0) } else { 0.0 });
+            gains.push(gain(&power, line, ABOUT));
         }
     }
     lines
@@ -108,8 +104,7 @@ mod tests {
         let mean = |(period_mm, gains): &(f64, Vec<f64>)| {
             (*period_mm, gains.iter().sum::<f64>() / gains.len() as f64)
         };
-        let lines: Vec<(f64, f64)> =
-            periods(std::iter::once(laps(amplitude, 0.7).into_iter())).iter().map(mean).collect();
+        let lines: Vec<(f64, f64)> = periods(&[laps(amplitude, 0.7)]).iter().map(mean).collect();
         lines.into_iter().max_by(|a, b| a.1.total_cmp(&b.1)).expect("lines")
     }
 

@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use thiserror::Error;
 
-use super::behind::{Behind, behind};
+use super::behind::{self, Behind};
 use super::bursts::bursts;
 use super::consequence::{Consequence, consequence};
 use super::contour::{Contour, contours};
@@ -174,12 +174,10 @@ pub fn analyse<'m>(
         ids.iter().zip(&explained).map(of).collect()
     };
     let mut axes = of_all(runs)?;
-    let behind = behind(&axes);
-    if let Some(by_s) = behind.iter().map(|one| one.by_s).reduce(|a, b| if b.abs() > a.abs() { b } else { a })
-    {
+    let behind = behind::behind(&axes);
+    if let Some(rest) = behind::rest(&behind) {
         progress("somebody turned the feed: again without what was there");
         axes = of_all(&Behind::without(&behind, runs))?;
-        let rest = Rest::Behind { runs: behind.len(), by_s };
         axes.iter_mut().for_each(|axis| axis.leaves(rest));
     }
     progress("circles, before and after");

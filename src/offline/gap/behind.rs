@@ -14,6 +14,7 @@ use std::collections::BTreeMap;
 use super::analysis::AxisGap;
 use super::forward::FOLLOWING_ERROR;
 use super::problem::{Part, Problem};
+use super::rest::Rest;
 use super::runs::Run;
 use crate::offline::median::median;
 
@@ -51,6 +52,17 @@ impl Behind {
         }
         runs
     }
+}
+
+/// What is left of all axes where they are behind, if they are.
+pub(super) fn rest(all: &[Behind]) -> Option<Rest> {
+    let by_s = all.iter().map(|one| one.by_s).reduce(further)?;
+    Some(Rest::Behind { runs: all.len(), by_s })
+}
+
+/// The time that is further from none.
+fn further(a: f64, b: f64) -> f64 {
+    if b.abs() > a.abs() { b } else { a }
 }
 
 /// A mean: what is left of the following error, and the velocity that was asked for; by number, of those that count.
@@ -107,7 +119,7 @@ fn stretches(axes: &[BTreeMap<usize, Means>]) -> Vec<Behind> {
                 // What is between two of them is of the same.
                 Some(other) => {
                     other.rows[1] = rows[1];
-                    other.by_s = if by_s.abs() > other.by_s.abs() { by_s } else { other.by_s };
+                    other.by_s = further(other.by_s, by_s);
                 }
                 None => found.push(Behind { run, rows, by_s }),
             }

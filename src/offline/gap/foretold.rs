@@ -94,25 +94,24 @@ fn largest(problem: &Problem<'_>, left: &[Vec<&Residual>; 2]) -> Option<Foretold
     let shapes: Vec<(usize, usize, Coordinate)> =
         places().flat_map(|(place, signal)| OVER.map(|over| (place, signal, over))).collect();
     let length = problem.rows_in(BLOCK_S);
+    let sure = |gains: &[f64], deviations: f64, signal: usize, shows: Shows| {
+        Some(Foretold { gain: sure_sum(gains, deviations)?, rest: Rest::In { signal, shows } })
+    };
     let shape = |(place, signal, over): &(usize, usize, Coordinate)| {
-        let gain = sure_sum(&gains(&binned(&runs, *place, *over), length), SURE)?;
-        Some(Foretold { gain, rest: Rest::In { signal: *signal, shows: Shows::Over(*over) } })
+        sure(&gains(&binned(&runs, *place, *over), length), SURE, *signal, Shows::Over(*over))
     };
     let of_tones = places().flat_map(|(place, signal)| {
         let left: Vec<&[f64]> = runs.iter().filter_map(|run| Some(run.left.get(place)?.as_slice())).collect();
-        tones(&left, length, problem.machine.cycle.position_every).into_iter().filter_map(
-            move |(line, gains)| {
-                let shows = Shows::Tone(line as f64 / BLOCK_S);
-                Some(Foretold { gain: sure_sum(&gains, SURE)?, rest: Rest::In { signal, shows } })
-            },
-        )
+        tones(&left, length, problem.machine.cycle.position_every)
+            .into_iter()
+            .filter_map(move |(line, gains)| sure(&gains, SURE, signal, Shows::Tone(line as f64 / BLOCK_S)))
     });
     let of_ways = |(place, signal): (usize, usize)| {
-        let periods = periods(runs.iter().filter_map(|run| run.along(place)));
-        periods.into_iter().filter_map(move |(period_mm, gains)| {
-            let shows = Shows::Period(period_mm);
-            Some(Foretold { gain: sure_sum(&gains, SURE_ALONG)?, rest: Rest::In { signal, shows } })
-        })
+        let rows: Vec<Vec<Row>> = runs.iter().filter_map(|run| run.along(place)).collect();
+        let of_period = move |(period_mm, gains): (f64, Vec<f64>)| {
+            sure(&gains, SURE_ALONG, signal, Shows::Period(period_mm))
+        };
+        periods(&rows).into_iter().filter_map(of_period)
     };
     let of_ways: Vec<Foretold> =
         places().collect::<Vec<_>>().into_par_iter().flat_map_iter(of_ways).collect();
@@ -151,11 +150,10 @@ impl Run {
 
 impl Run {
     /// Its rows along the way, of a signal that it has.
-    fn along(&self, signal: usize) -> Option<impl Iterator<Item = Row> + '_> {
+    fn along(&self, signal: usize) -> Option<Vec<Row>> {
         let [place, way] = [Coordinate::Position, Coordinate::Direction].map(place_of);
-        let row =
-            move |(at, left): (&Coordinates, &f64)| Row { place_mm: at[place], way: at[way], left: *left };
-        Some(self.coordinates.iter().zip(self.left.get(signal)?).map(row))
+        let row = |(at, left): (&Coordinates, &f64)| Row { place_mm: at[place], way: at[way], left: *left };
+        Some(self.coordinates.iter().zip(self.left.get(signal)?).map(row).collect())
     }
 }
 

@@ -12,7 +12,6 @@
 
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
-use std::sync::Arc;
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
@@ -155,7 +154,11 @@ pub fn shortlist(problem: &Problem<'_>, here: &Linear, peaks: &dyn Fn(&Parameter
     let (known, covariance) = ((curvature.clone(), equations.slope), curvature.inverse());
     let places = problem.places(Part::Fit);
     let block = problem.rows_in(BLOCK_S);
-    let tangents: Vec<DMatrix<f64>> = here.runs.par_iter().map(|run| run.slopes(block)).collect();
+    let tangents: Vec<DMatrix<f64>> = here
+        .runs
+        .par_iter()
+        .map(|run| slopes(&run.residual, run.columns.iter().map(Option::as_deref), block))
+        .collect();
     let tried = trials.par_iter().map(|(entry, values)| {
         let mut sums = Sums::new(model, entry);
         for (place, run) in places.iter().zip(&here.runs) {
@@ -167,7 +170,7 @@ pub fn shortlist(problem: &Problem<'_>, here: &Linear, peaks: &dyn Fn(&Parameter
                 column
             };
             let columns: Vec<Residual> = variants(entry, *values).into_iter().map(column).collect();
-            sums.add(run, columns, block);
+            sums.add(run, &columns, block);
         }
         let beyond = sums.beyond(&known.0);
         // The first trial of an effect is at its usual values.
@@ -266,7 +269,7 @@ impl Sums {
         }
     }
 
-    fn add(&mut self, run: &LinearRun, columns: Vec<Residual>, block: usize) {
+    fn add(&mut self, run: &LinearRun, columns: &[Residual], block: usize) {
         for (i, column) in columns.iter().enumerate() {
             let mut weighed = column.clone();
             for (weighed, residual) in weighed.iter_mut().zip(&run.residual) {
@@ -280,8 +283,7 @@ impl Sums {
                 self.columns[(i, j)] += product(&weighed, other);
             }
         }
-        let columns = columns.into_iter().map(|column| Some(Arc::new(column))).collect();
-        self.blocks.push(LinearRun { residual: run.residual.clone(), columns }.slopes(block));
+        self.blocks.push(slopes(&run.residual, columns.iter().map(Some), block));
     }
 
     fn beyond(&self, curvature: &Cholesky<f64, Dyn>) -> Beyond {
@@ -349,23 +351,24 @@ impl Sums {
     }
 }
 
-impl LinearRun {
-    /// Products of each coordinate's column with what is left, as rows count in the end: by coordinate and block of so many rows.
-    fn slopes(&self, block: usize) -> DMatrix<f64> {
-        let rows = self.residual.iter().map(Vec::len).max().unwrap_or(0);
-        let mut slopes = DMatrix::zeros(self.columns.len(), rows.div_ceil(block));
-        for (signal, left) in self.residual.iter().enumerate() {
-            let pulls: Vec<f64> = left.iter().map(|left| Loss::LAST.weight(*left) * left).collect();
-            for (coordinate, column) in self.columns.iter().enumerate() {
-                let Some(column) = column else { continue };
-                for (number, (pulls, by)) in pulls.chunks(block).zip(column[signal].chunks(block)).enumerate()
-                {
-                    slopes[(coordinate, number)] += pulls.iter().zip(by).map(|(a, b)| a * b).sum::<f64>();
-                }
+/// Products of columns with what is left, as rows count in the end: by column and block of so many rows.
+fn slopes<'r>(
+    residual: &Residual,
+    columns: impl ExactSizeIterator<Item = Option<&'r Residual>>,
+    block: usize,
+) -> DMatrix<f64> {
+    let rows = residual.iter().map(Vec::len).max().unwrap_or(0);
+    let mut slopes = DMatrix::zeros(columns.len(), rows.div_ceil(block));
+    let pull = |left: &f64| Loss::LAST.weight(*left) * left;
+    let pulls: Vec<Vec<f64>> = residual.iter().map(|left| left.iter().map(pull).collect()).collect();
+    for (place, column) in columns.enumerate() {
+        for (pulls, column) in pulls.iter().zip(column.into_iter().flatten()) {
+            for (number, (pulls, by)) in pulls.chunks(block).zip(column.chunks(block)).enumerate() {
+                slopes[(place, number)] += pulls.iter().zip(by).map(|(a, b)| a * b).sum::<f64>();
             }
         }
-        slopes
     }
+    slopes
 }
 
 /// How sure a sum is by what it is a sum of, in standard deviations, squared.
@@ -395,8 +398,8 @@ mod tests {
     fn products_are_of_blocks_and_rows_that_are_far_off_count_for_little() {
         let mut left = vec![1.0; 6];
         left[4] = 40.0;
-        let run = LinearRun { residual: vec![left], columns: vec![None, Some(Arc::new(vec![vec![2.0; 6]]))] };
-        let slopes = run.slopes(4);
+        let column = vec![vec![2.0; 6]];
+        let slopes = slopes(&vec![left], [None, Some(&column)].into_iter(), 4);
         assert_eq!(slopes.shape(), (2, 2));
         assert_eq!([slopes[(0, 0)], slopes[(1, 0)]], [0.0, 8.0]);
         // Two, and the ten thousandth part of eighty.

@@ -37,14 +37,19 @@ pub(super) fn tones(runs: &[&[f64]], length: usize, loop_every: u32) -> Vec<(usi
         transform.process(&mut spectrum);
         let power: Vec<f64> = spectrum[..length / 2].iter().map(|line| line.norm_sqr()).collect();
         for (line, gains) in (ABOUT[1]..).zip(&mut lines).filter(|(line, _)| !is_of_loop(*line)) {
-            let sides = [line - ABOUT[1]..line - ABOUT[0] + 1, line + ABOUT[0]..line + ABOUT[1] + 1];
-            // Louder than either side: where a spectrum falls, its edge is louder than the mean of both.
-            let mean = |side: Range<usize>| power[side.clone()].iter().sum::<f64>() / side.len() as f64;
-            let about = sides.into_iter().map(mean).fold(0.0, f64::max);
-            gains.push(if about > 0.0 { 2.0 * (power[line] / about - 1.0) } else { 0.0 });
+            gains.push(gain(&power, line, ABOUT));
         }
     }
     (ABOUT[1]..).zip(lines).collect()
+}
+
+/// How much louder a line is than those from the nearest to the furthest on either side.
+pub(super) fn gain(power: &[f64], line: usize, [nearest, furthest]: [usize; 2]) -> f64 {
+    let sides = [line - furthest..line - nearest + 1, line + nearest..line + furthest + 1];
+    // Louder than either side: where a spectrum falls, its edge is louder than the mean of both.
+    let mean = |side: Range<usize>| power[side.clone()].iter().sum::<f64>() / side.len() as f64;
+    let about = sides.into_iter().map(mean).fold(0.0, f64::max);
+    if about > 0.0 { 2.0 * (power[line] / about - 1.0) } else { 0.0 }
 }
 
 #[cfg(test)]
