@@ -94,7 +94,7 @@ pub(super) fn told(
             }
         }
         let is_needed = || {
-            test.shows_need(problem, &model, &blocks, place)
+            test.shows_need(&free, &model, &blocks, place)
                 && !is_louder(problem, [&model.model, &test.fitted.model])
         };
         if own.failed.is_empty() && !is_needed() {
