@@ -4,9 +4,10 @@
 //!   what the base leaves ──► its loudest frequency in time ──► phase of each run ──► what its clock is behind that of the others
 //! ```
 //!
-//! What swings with time keeps its phase through a session. Where runs have no common clock, theirs are set so that the
-//! loudest of it does; what is slower than that is not told.
-//! Invariant: runs of one clock keep it.
+//! What swings with time keeps its phase through a session. Where runs have no common clock, or lie so far apart that nothing
+//! swings as evenly from one to the next, theirs are set so that the loudest of it does: by less than a period of it, so that what
+//! is slower is not told, and not lost.
+//! Invariant: runs of one session on one clock keep it.
 
 use std::f64::consts::TAU;
 
@@ -20,6 +21,9 @@ use super::spectrum::Peaks;
 
 /// Runs of one clock are not at it at the same time for longer than this, s.
 const OVERLAP_S: f64 = 0.1;
+/// Runs lie so many times as long as they last from the begin of the first to the end of the last at most, or they are of no one
+/// session: a pump keeps its frequency to a thousandth, not its phase for half an hour.
+const APART: f64 = 5.0;
 /// How closely a frequency is looked for: so many steps to either side, in lines of the longest run. A peak is up to two of them
 /// off, for it was looked for as if the clocks were one.
 const STEPS: i32 = 384;
@@ -35,13 +39,21 @@ fn is_one(mut spans_s: Vec<[f64; 2]>) -> bool {
     spans_s.windows(2).all(|pair| pair[1][0] > pair[0][1] - OVERLAP_S)
 }
 
+/// Whether runs lie no further apart than those of one session.
+fn is_one_session(spans_s: &[[f64; 2]]) -> bool {
+    let begin_s = spans_s.iter().map(|[begin_s, _]| *begin_s).fold(f64::INFINITY, f64::min);
+    let end_s = spans_s.iter().map(|[_, end_s]| *end_s).fold(f64::NEG_INFINITY, f64::max);
+    end_s - begin_s <= APART * spans_s.iter().map(|[begin_s, end_s]| end_s - begin_s).sum::<f64>()
+}
+
 /// What the clock of each run is behind, s; nothing where they have one, or nothing swings.
 pub(super) fn behind_s(problem: &Problem<'_>, model: &Model) -> Option<Vec<f64>> {
     let period_s = problem.machine.cycle.period.as_s();
     let begin_s = |place: usize| problem.data[place].course.begins().as_s();
     let rows = |place: usize| problem.data[place].fit.len();
-    let spans_s = (0..problem.data.len()).map(|at| [begin_s(at), begin_s(at) + rows(at) as f64 * period_s]);
-    if is_one(spans_s.collect()) {
+    let span_s = |at: usize| [begin_s(at), begin_s(at) + rows(at) as f64 * period_s];
+    let spans_s: Vec<[f64; 2]> = (0..problem.data.len()).map(span_s).collect();
+    if is_one_session(&spans_s) && is_one(spans_s) {
         return None;
     }
     let near_hz = Peaks::new(problem, model).loudest_hz()?;
@@ -110,6 +122,12 @@ mod tests {
         assert!(is_one(vec![[10.0, 15.0], [0.0, 9.0], [15.0, 16.0]]));
         assert!(!is_one(vec![[0.0, 5.0], [0.0, 6.0]]));
         assert!(is_one(Vec::new()));
+    }
+
+    #[test]
+    fn runs_of_half_an_hour_with_a_minute_of_motion_are_of_no_one_session() {
+        assert!(is_one_session(&[[10.0, 15.0], [40.0, 50.0], [80.0, 81.0]]));
+        assert!(!is_one_session(&[[24.0, 34.0], [933.0, 943.0], [1_778.0, 1_788.0]]));
     }
 
     #[test]
