@@ -2,7 +2,8 @@
 //!
 //! Looked at are whitened signals, so that a peak stands above noise and not above what is large. Along the screw the rows
 //! are summed up by where the motor was, whichever way it went; so what depends on the angle alone is summed and the
-//! rest is not. Both spectra go through the Fourier transform of evenly spaced sums, filled up with zeros, so that a peak
+//! rest is not. Friction turns its sign with the way, and goes to nothing in that sum: so they are summed with the sign of the way as
+//! well. All spectra go through the Fourier transform of evenly spaced sums, filled up with zeros, so that a peak
 //! is found between the lines as well.
 //! Invariant: a peak is far above its neighbourhood, or it is none.
 
@@ -51,6 +52,8 @@ const PLACES: u32 = 7;
 pub struct Peaks {
     hz: Vec<f64>,
     per_turn: Vec<f64>,
+    /// Of what turns its sign with the way.
+    per_turn_by_way: Vec<f64>,
     lead_m: f64,
     /// Between which places the axis went, m.
     span_m: [f64; 2],
@@ -66,16 +69,19 @@ impl Peaks {
             let simulated = problem.simulated(place, model);
             let left = problem.whitened(place, &simulated, Part::Fit);
             let positions = positions(&simulated, problem.data[place].course.setpoints_m());
-            let by_place: Vec<_> = left.iter().map(|signal| by_bins(signal, &positions, lead_m)).collect();
+            let by_place = |sign: &dyn Fn(f64) -> f64| -> Vec<Vec<f64>> {
+                left.iter().map(|signal| by_bins(signal, &positions, sign, lead_m)).collect()
+            };
+            let by_place = [by_place(&|_| 1.0), by_place(&f64::signum)];
             (left, by_place)
         };
         let runs: Vec<_> = problem.places(Part::Fit).into_par_iter().map(of_run).collect();
         let period_s = problem.machine.cycle.period.as_s();
         let signals = problem.signals().len();
-        let of = |per_unit: f64, ranges: &[[f64; 2]], is_in_time: bool| -> Vec<f64> {
+        let of = |per_unit: f64, ranges: &[[f64; 2]], way: Option<usize>| -> Vec<f64> {
             let of_signal = |signal: usize| {
                 let sums = runs.iter().map(|(in_time, by_place)| {
-                    let all = if is_in_time { in_time } else { by_place };
+                    let all = way.map_or(in_time, |way| &by_place[way]);
                     all[signal].as_slice()
                 });
                 evened(&sums.collect::<Vec<_>>())
@@ -107,11 +113,12 @@ impl Peaks {
         let begins_s = problem.places(Part::Fit).into_iter();
         let begins_s = begins_s.map(|place| problem.data[place].course.begins().as_s());
         let timed: Vec<(f64, &Vec<Vec<f64>>)> = begins_s.zip(runs.iter().map(|(left, _)| left)).collect();
-        let hz = of(1.0 / period_s, &[HZ], true).into_par_iter();
+        let hz = of(1.0 / period_s, &[HZ], None).into_par_iter();
         Self {
             session_s: end_s - begin_s,
             hz: hz.map(|hz| in_step(hz, &timed, period_s, end_s - begin_s)).collect(),
-            per_turn: of(BINS_PER_TURN, &PER_TURN, false),
+            per_turn: of(BINS_PER_TURN, &PER_TURN, Some(0)),
+            per_turn_by_way: of(BINS_PER_TURN, &PER_TURN[..1], Some(1)),
             lead_m,
             span_m,
         }
@@ -120,22 +127,24 @@ impl Peaks {
     /// Values of a parameter that they suggest, with those that are usual for motors, along a screw, a way and a session:
     /// what is small makes no peak. Nothing for other keys.
     pub fn of(&self, parameter: &Parameter) -> Vec<f64> {
-        let turns = |scale: f64| self.per_turn.iter().map(move |per_turn| scale * self.lead_m / per_turn);
+        let all_per_turn = || self.per_turn.iter().chain(&self.per_turn_by_way);
         match parameter.key {
             "frequency-hz" => self.hz.clone(),
             "periods-per-turn" => {
                 let usual: &[f64] = if parameter.is_whole { &USUAL_PER_TURN } else { &[1.0, 2.0] };
-                self.per_turn.iter().chain(usual).copied().collect()
+                all_per_turn().chain(usual).copied().collect()
             }
-            "period-mm" => turns(1e3)
+            "period-mm" => all_per_turn()
+                .map(|per_turn| 1e3 * self.lead_m / per_turn)
                 .chain([1.0, 0.5, 6.0].map(|share| 1e3 * share * self.lead_m))
                 .chain([1.0, 0.67, 0.4].map(|share| 1e3 * share * (self.span_m[1] - self.span_m[0])))
                 .collect(),
             "time-constant-s" => [0.15, 0.5, 1.5].map(|share| share * self.session_s).to_vec(),
             "centre-mm" => (0..PLACES).map(|number| self.place_mm(number)).collect(),
             "period-um" => {
+                let peaks = self.per_turn.iter().map(|per_turn| 1e6 * self.lead_m / per_turn);
                 let lines = USUAL_LINES.map(|lines| 1e6 * self.lead_m / lines);
-                turns(1e6).chain(lines).chain(USUAL_PERIODS_UM).collect()
+                peaks.chain(lines).chain(USUAL_PERIODS_UM).collect()
             }
             _ => Vec::new(),
         }
@@ -276,15 +285,16 @@ pub(super) fn tops(power: &[f64], step: f64, range: [f64; 2]) -> Vec<(f64, f64)>
         .collect()
 }
 
-/// Sums of the rows by where they were.
-fn by_bins(values: &[f64], positions_m: &[f64], lead_m: f64) -> Vec<f64> {
+/// Sums of the rows by where they were, each with a sign of its way.
+fn by_bins(values: &[f64], positions_m: &[f64], sign: &dyn Fn(f64) -> f64, lead_m: f64) -> Vec<f64> {
     let bin = |position_m: f64| (position_m / lead_m * BINS_PER_TURN).floor();
     let [low, high] = positions_m
         .iter()
         .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], at| [low.min(bin(*at)), high.max(bin(*at))]);
     let mut sums = vec![0.0; (high - low) as usize + 1];
-    for (value, at) in values.iter().zip(positions_m) {
-        sums[(bin(*at) - low) as usize] += value;
+    let ways = positions_m.windows(2).map(|pair| sign(pair[1] - pair[0]));
+    for ((value, at), sign) in values.iter().zip(positions_m).zip(ways) {
+        sums[(bin(*at) - low) as usize] += sign * value;
     }
     sums
 }
@@ -314,6 +324,29 @@ mod tests {
         assert!(found(power(&[&quiet, &loud])).is_empty());
         let peaks = found(evened(&[&quiet, &loud]));
         assert!((peaks[0] - LINE as f64).abs() < 1.0, "{peaks:?}");
+    }
+
+    #[test]
+    fn what_turns_with_the_way_has_its_peak_where_the_way_counts() {
+        const LEAD_M: f64 = 0.01;
+        let (order, rows) = (6.616, 40_000);
+        // Five turns there and back again, four times, and noise twice as loud.
+        let turns = |row: usize| 2.5 * (1.0 - (TAU * row as f64 / 10_000.0).cos());
+        let positions_m: Vec<f64> = (0..rows).map(|row| LEAD_M * turns(row)).collect();
+        let mut random = Pcg64Mcg::seed_from_u64(1);
+        let value = |row: usize| {
+            let way = (TAU * row as f64 / 10_000.0).sin().signum();
+            way * (TAU * order * turns(row)).sin() + random.random_range(-3.5..3.5)
+        };
+        let values: Vec<f64> = (0..rows).map(value).collect();
+        let peaks = |sign: &dyn Fn(f64) -> f64| {
+            let power = evened(&[&by_bins(&values, &positions_m, sign, LEAD_M)]).expect("values");
+            most_plain(tops(&power, BINS_PER_TURN / (2 * power.len()) as f64, PER_TURN[0]))
+        };
+        let found = peaks(&f64::signum);
+        assert!((found[0] / order - 1.0).abs() < SAME, "{found:?}");
+        let whichever = peaks(&|_| 1.0);
+        assert!(whichever.iter().all(|other| (other / order - 1.0).abs() > SAME), "{whichever:?}");
     }
 
     #[test]
