@@ -27,9 +27,10 @@ const SLOW_M_PER_S: f64 = 1e-3;
 /// was 12 and 4.
 const GAIN: f64 = 100.0;
 const EACH: f64 = 25.0;
-/// Share of that by which times of axes may differ, and share of what is left that one time explains at least.
+/// Share of that by which times of axes may differ, and share of what is left that one time explains at least: in each block of a
+/// stretch, and in one of them.
 const APART: f64 = 0.15;
-const EXPLAINED: f64 = 0.5;
+const EXPLAINED: [f64; 2] = [0.5, 0.6];
 
 /// A stretch of a run in which all axes are behind.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -107,25 +108,33 @@ fn stretches(axes: &[BTreeMap<usize, Means>]) -> Vec<Behind> {
         return Vec::new();
     }
     let scaled: Vec<BTreeMap<usize, Means>> = axes.iter().filter_map(as_usual).collect();
-    let mut found: Vec<Behind> = Vec::new();
+    let mut found: Vec<(Behind, f64)> = Vec::new();
     let runs: Vec<usize> = scaled.iter().flat_map(BTreeMap::keys).copied().collect();
     for run in 0..=runs.into_iter().max().unwrap_or(0) {
         let of_run: Vec<&Means> = scaled.iter().filter_map(|axis| axis.get(&run)).collect();
         let last = of_run.iter().filter_map(|means| means.keys().last()).max().copied().unwrap_or(0);
-        for from in (0..=last).step_by(BLOCK / 2) {
-            let Some(by_s) = together(&of_run, from) else { continue };
+        for from in (0..=last).step_by(BLOCK / 2).filter(|from| goes_on(axes, run, *from)) {
+            let Some([by_s, explained]) = together(&of_run, from) else { continue };
             let rows = [from, from + BLOCK];
-            match found.last_mut().filter(|other| other.run == run) {
+            match found.last_mut().filter(|(other, _)| other.run == run) {
                 // What is between two of them is of the same.
-                Some(other) => {
+                Some((other, most)) => {
                     other.rows[1] = rows[1];
                     other.by_s = further(other.by_s, by_s);
+                    *most = most.max(explained);
                 }
-                None => found.push(Behind { run, rows, by_s }),
+                None => found.push((Behind { run, rows, by_s }, explained)),
             }
         }
     }
-    found
+    found.into_iter().filter(|(_, explained)| *explained > EXPLAINED[1]).map(|(stretch, _)| stretch).collect()
+}
+
+/// Whether some axis moves all through a block of a run: those that break away together, or come to rest, are behind for once as well.
+fn goes_on(axes: &[BTreeMap<usize, Means>], run: usize, from: usize) -> bool {
+    let of_run = || axes.iter().filter_map(|axis| axis.get(&run));
+    let moves = |number| of_run().filter_map(|means| means.get(&number)).any(|[_, v]| v.abs() > SLOW_M_PER_S);
+    (from..from + BLOCK).all(moves)
 }
 
 /// Means of an axis without the lag that it has all the time, in what is usually left of it; nothing of one that never moves.
@@ -142,8 +151,9 @@ fn as_usual(runs: &BTreeMap<usize, Means>) -> Option<BTreeMap<usize, Means>> {
     Some(runs.iter().map(|(run, means)| (*run, scaled(means))).collect())
 }
 
-/// By how much all axes of a run that move in a block are behind, where it is one time for all of them, and sure.
-fn together(axes: &[&Means], from: usize) -> Option<f64> {
+/// By how much all axes of a run that move in a block are behind, where it is one time for all of them, and sure; and what share of what
+/// is left that explains.
+fn together(axes: &[&Means], from: usize) -> Option<[f64; 2]> {
     let (mut sums, mut power) = (Vec::new(), 0.0);
     for means in axes {
         let block: Vec<[f64; 2]> = means.range(from..from + BLOCK).map(|(_, mean)| *mean).collect();
@@ -158,10 +168,10 @@ fn together(axes: &[&Means], from: usize) -> Option<f64> {
     let [ev, vv] = sums.iter().fold([0.0; 2], |all, one| [all[0] + one[0], all[1] + one[1]]);
     let gain = ev * ev / f64::max(vv, f64::MIN_POSITIVE);
     let is_sure = axes.len() > 1
-        && gain > f64::max(GAIN, EXPLAINED * power)
+        && gain > f64::max(GAIN, EXPLAINED[0] * power)
         && own.iter().all(|own| *own > EACH)
         && own.iter().sum::<f64>() - gain < APART * gain;
-    is_sure.then_some(ev / vv)
+    is_sure.then_some([ev / vv, gain / power])
 }
 
 #[cfg(test)]
@@ -208,6 +218,25 @@ mod tests {
             assert_eq!(stretches(&circles(behind_s, lag_s)), [], "{behind_s:?}, {lag_s}");
         }
         assert_eq!(stretches(&circles([20e-6; 2], 0.0)[..1]), [], "one axis");
+    }
+
+    #[test]
+    fn axes_that_break_away_together_are_not_behind() {
+        let mut axes = circles([0.0; 2], 0.0);
+        for axis in &mut axes {
+            for (number, [e, v]) in axis.get_mut(&1).expect("a run") {
+                match number {
+                    100..140 => *v = 0.0,
+                    // Held back at first, by friction.
+                    140..150 => *e += 20e-6 * *v,
+                    _ => {}
+                }
+            }
+        }
+        let scaled: Vec<_> = axes.iter().filter_map(as_usual).collect();
+        let of_run: Vec<&Means> = scaled.iter().map(|axis| &axis[&1]).collect();
+        assert!(together(&of_run, 136).is_some());
+        assert_eq!(stretches(&axes), []);
     }
 
     #[test]
