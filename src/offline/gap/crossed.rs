@@ -23,7 +23,7 @@ use super::problem::{Part, Problem, Residual};
 /// Rows that judge do not show an amplitude that they leave unsure by more than this share of it, and which they
 /// put within so many standard deviations of what it is.
 const UNSURE: f64 = 0.2;
-const NEAR: f64 = 3.0;
+const NEAR: f64 = 2.0;
 /// What commands foretell of each other is this share of what all of them gain at least.
 const FORETOLD: f64 = 0.5;
 

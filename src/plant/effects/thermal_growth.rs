@@ -16,7 +16,7 @@ pub(super) const ENTRY: Entry = Entry {
     equation: "x_shown = x_t (1 + g (1 - exp(-t / T)))",
     parameters: &[
         Parameter::new("growth-um-per-m", "um/m", [-1_000.0, 1_000.0], 50.0, 50.0),
-        Parameter::new("time-constant-s", "s", [1.0, 36_000.0], 1_800.0, 1_200.0),
+        Parameter::new("time-constant-s", "s", [10.0, 36_000.0], 1_800.0, 1_200.0),
     ],
     coordinate: Coordinate::Time,
     experiment: Experiment::Repetition,
