@@ -39,6 +39,7 @@ const STILL_M: f64 = 1e-9;
 /// Places among the signals of those that have a zero of their own.
 pub(super) const FOLLOWING_ERROR: usize = 0;
 pub(super) const DEFLECTION: usize = 1;
+pub(super) const CURRENT: usize = 2;
 
 /// What is compared, row by row.
 #[derive(Clone, Debug, PartialEq)]

@@ -61,6 +61,7 @@ pub mod rest;
 pub mod runs;
 pub mod shortlist;
 pub mod spectrum;
+mod spots;
 mod straight;
 mod tones;
 pub mod twin;

@@ -16,6 +16,7 @@ use rustfft::FftPlanner;
 use super::forward::Signals;
 use super::model::Model;
 use super::problem::{AxisData, Part, Problem};
+use super::spots;
 use crate::offline::median::median;
 use crate::plant::effects::Parameter;
 
@@ -44,9 +45,6 @@ const USUAL_PER_TURN: [f64; 10] = [1.0, 2.0, 4.0, 6.0, 8.0, 10.0, 12.0, 18.0, 24
 const USUAL_LINES: [f64; 6] = [64.0, 128.0, 256.0, 512.0, 1_024.0, 2_048.0];
 const USUAL_PERIODS_UM: [f64; 2] = [4.0, 20.0];
 
-/// Places that are tried along the way that the axis went.
-const PLACES: u32 = 7;
-
 /// What a model leaves of all runs, in time and along the screw, looked through once.
 #[derive(Debug)]
 pub struct Peaks {
@@ -55,6 +53,8 @@ pub struct Peaks {
     /// Of what turns its sign with the way.
     per_turn_by_way: Vec<f64>,
     lead_m: f64,
+    /// Where friction is not what it is about there.
+    spots_mm: Vec<f64>,
     /// Between which places the axis went, m.
     span_m: [f64; 2],
     /// From the first row of all runs to the last, s.
@@ -73,14 +73,14 @@ impl Peaks {
                 left.iter().map(|signal| by_bins(signal, &positions, sign, lead_m)).collect()
             };
             let by_place = [by_place(&|_| 1.0), by_place(&f64::signum)];
-            (left, by_place)
+            (left, by_place, spots::by_way(problem, place, &simulated, &positions))
         };
         let runs: Vec<_> = problem.places(Part::Fit).into_par_iter().map(of_run).collect();
         let period_s = problem.machine.cycle.period.as_s();
         let signals = problem.signals().len();
         let of = |per_unit: f64, ranges: &[[f64; 2]], way: Option<usize>| -> Vec<f64> {
             let of_signal = |signal: usize| {
-                let sums = runs.iter().map(|(in_time, by_place)| {
+                let sums = runs.iter().map(|(in_time, by_place, _)| {
                     let all = way.map_or(in_time, |way| &by_place[way]);
                     all[signal].as_slice()
                 });
@@ -112,7 +112,7 @@ impl Peaks {
             .fold([f64::INFINITY, 0.0], |all, run| [all[0].min(run[0]), all[1].max(run[1])]);
         let begins_s = problem.places(Part::Fit).into_iter();
         let begins_s = begins_s.map(|place| problem.data[place].course.begins().as_s());
-        let timed: Vec<(f64, &Vec<Vec<f64>>)> = begins_s.zip(runs.iter().map(|(left, _)| left)).collect();
+        let timed: Vec<(f64, &Vec<Vec<f64>>)> = begins_s.zip(runs.iter().map(|(left, ..)| left)).collect();
         let hz = of(1.0 / period_s, &[HZ], None).into_par_iter();
         Self {
             session_s: end_s - begin_s,
@@ -120,6 +120,7 @@ impl Peaks {
             per_turn: of(BINS_PER_TURN, &PER_TURN, Some(0)),
             per_turn_by_way: of(BINS_PER_TURN, &PER_TURN[..1], Some(1)),
             lead_m,
+            spots_mm: spots::furthest_mm(&runs.iter().map(|(.., by_way)| by_way.clone()).collect::<Vec<_>>()),
             span_m,
         }
     }
@@ -140,7 +141,7 @@ impl Peaks {
                 .chain([1.0, 0.67, 0.4].map(|share| 1e3 * share * (self.span_m[1] - self.span_m[0])))
                 .collect(),
             "time-constant-s" => [0.15, 0.5, 1.5].map(|share| share * self.session_s).to_vec(),
-            "centre-mm" => (0..PLACES).map(|number| self.place_mm(number)).collect(),
+            "centre-mm" => self.spots_mm.clone(),
             "period-um" => {
                 let peaks = self.per_turn.iter().map(|per_turn| 1e6 * self.lead_m / per_turn);
                 let lines = USUAL_LINES.map(|lines| 1e6 * self.lead_m / lines);
@@ -155,12 +156,6 @@ impl Peaks {
     /// The frequency in time that stands out most.
     pub(super) fn loudest_hz(&self) -> Option<f64> {
         self.hz.first().copied()
-    }
-
-    /// A place in the middle of an even share of the way, mm.
-    fn place_mm(&self, number: u32) -> f64 {
-        let [low, high] = self.span_m;
-        1e3 * (low + (high - low) * (f64::from(number) + 0.5) / f64::from(PLACES))
     }
 }
 

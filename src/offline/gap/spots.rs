@@ -1,0 +1,107 @@
+//! Places along the way at which friction is not what it is about them: where a spot of it is looked for.
+//!
+//! ```text
+//!   what is left of the current, with the sign of the way ──► mean of each stretch ──► less that of a wider one ──► furthest from none
+//! ```
+//!
+//! Units: m, A; mm where a place is given. Invariant: a run that is off all along its way points to no place in it.
+
+use super::forward::{CURRENT, Signals};
+use super::problem::{Part, Problem};
+use crate::offline::running_mean::running_mean;
+
+/// Length of a bin, and of a stretch and of a wider one about it, in bins. m.
+const BIN_M: f64 = 2e-3;
+const STRETCH: usize = 5;
+const ABOUT: usize = 31;
+/// Fewer rows are no mean.
+const ROWS: u32 = 40;
+/// A slower axis may stick, m/s.
+const SLOW_M_PER_S: f64 = 1e-3;
+/// What is further off is no friction of a place, in standard deviations of noise.
+const FAR: f64 = 4.0;
+/// How many places are tried, no nearer to each other than so many bins.
+const SPOTS: usize = 4;
+const APART: usize = 7;
+
+/// What is left of the current while an axis moves: where it is, and how much, with the sign of the way.
+pub(super) fn by_way(
+    problem: &Problem<'_>,
+    place: usize,
+    simulated: &Signals,
+    positions_m: &[f64],
+) -> Vec<[f64; 2]> {
+    let Some(noise) = &problem.noises[CURRENT] else { return Vec::new() };
+    let left = problem.left(place, simulated, CURRENT, Part::Fit);
+    let slow_m = SLOW_M_PER_S * problem.machine.cycle.period.as_s();
+    let most = FAR * noise.rms;
+    let rows = positions_m.windows(2).zip(&left).zip(&problem.data[place].fit);
+    let moves = rows.filter(|((pair, _), counts)| **counts && (pair[1] - pair[0]).abs() > slow_m);
+    moves.map(|((pair, left), _)| [pair[0], (pair[1] - pair[0]).signum() * left.clamp(-most, most)]).collect()
+}
+
+/// The places that stand out most, mm.
+pub(super) fn furthest_mm(runs: &[Vec<[f64; 2]>]) -> Vec<f64> {
+    let bin = |at_m: f64| (at_m / BIN_M).floor();
+    let all = || runs.iter().flatten();
+    let low = all().map(|[at_m, _]| bin(*at_m)).fold(f64::INFINITY, f64::min);
+    let high = all().map(|[at_m, _]| bin(*at_m)).fold(f64::NEG_INFINITY, f64::max);
+    if low > high {
+        return Vec::new();
+    }
+    let mut stands_out = vec![0.0; (high - low) as usize + 1];
+    for run in runs {
+        let mut sums = vec![(0.0, 0_u32); stands_out.len()];
+        for [at_m, left] in run {
+            let (sum, count) = &mut sums[(bin(*at_m) - low) as usize];
+            *sum += left;
+            *count += 1;
+        }
+        // Each run by itself: each has friction of its own, of its speed and its place.
+        let (numbers, means): (Vec<usize>, Vec<f64>) = sums
+            .into_iter()
+            .enumerate()
+            .filter(|(_, (_, count))| *count >= ROWS)
+            .map(|(number, (sum, count))| (number, sum / f64::from(count)))
+            .unzip();
+        let [near, about] = [STRETCH, ABOUT].map(|bins| running_mean(&means, bins));
+        for ((number, near), about) in numbers.into_iter().zip(near).zip(about) {
+            stands_out[number] += near - about;
+        }
+    }
+    let mut order: Vec<usize> = (0..stands_out.len()).collect();
+    order.sort_by(|a, b| stands_out[*b].abs().total_cmp(&stands_out[*a].abs()));
+    let mut found: Vec<usize> = Vec::new();
+    for number in order {
+        if found.len() < SPOTS && found.iter().all(|other| other.abs_diff(number) >= APART) {
+            found.push(number);
+        }
+    }
+    found.into_iter().map(|number| 1e3 * BIN_M * (low + number as f64 + 0.5)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64Mcg;
+
+    use super::*;
+
+    #[test]
+    fn a_spot_of_a_run_is_found_whatever_others_leave_at_their_places() {
+        let mut random = Pcg64Mcg::seed_from_u64(2);
+        // To and fro between two places, with so much left all along, noise ten times what a spot of 10 mm at -77 mm leaves.
+        let mut run = |from_m: f64, to_m: f64, level: f64| -> Vec<[f64; 2]> {
+            let row = |row: u32| {
+                let at_m = from_m + (to_m - from_m) * f64::from(row % 20_000) / 20_000.0;
+                let spot = 0.02 * (-0.5 * ((at_m + 0.077) / 0.01).powi(2)).exp();
+                [at_m, level + spot + random.random_range(-0.2..0.2)]
+            };
+            (0..40_000).map(row).collect()
+        };
+        let runs = [run(-0.12, -0.03, 0.0), run(0.0, 0.06, 0.3), run(0.02, 0.05, -0.2)];
+        let found = furthest_mm(&runs);
+        assert!((found[0] + 77.0).abs() < 5.0, "{found:?}");
+        assert_eq!(furthest_mm(&[]), Vec::<f64>::new());
+    }
+}
