@@ -45,6 +45,16 @@ const USUAL_PER_TURN: [f64; 10] = [1.0, 2.0, 4.0, 6.0, 8.0, 10.0, 12.0, 18.0, 24
 const USUAL_LINES: [f64; 6] = [64.0, 128.0, 256.0, 512.0, 1_024.0, 2_048.0];
 const USUAL_PERIODS_UM: [f64; 2] = [4.0, 20.0];
 
+/// What a model leaves of a run.
+struct Left {
+    /// Whitened, by signal.
+    in_time: Vec<Vec<f64>>,
+    /// The same summed up by where the motor was: whichever way it went, and with the sign of the way.
+    by_place: [Vec<Vec<f64>>; 2],
+    /// Of its current, with the sign of the way.
+    by_way: Vec<[f64; 2]>,
+}
+
 /// What a model leaves of all runs, in time and along the screw, looked through once.
 #[derive(Debug)]
 pub struct Peaks {
@@ -67,21 +77,22 @@ impl Peaks {
         let lead_m = model.nominal.mechanics.lead_m;
         let of_run = |place: usize| {
             let simulated = problem.simulated(place, model);
-            let left = problem.whitened(place, &simulated, Part::Fit);
+            let in_time = problem.whitened(place, &simulated, Part::Fit);
             let positions = positions(&simulated, problem.data[place].course.setpoints_m());
             let by_place = |sign: &dyn Fn(f64) -> f64| -> Vec<Vec<f64>> {
-                left.iter().map(|signal| by_bins(signal, &positions, sign, lead_m)).collect()
+                in_time.iter().map(|signal| by_bins(signal, &positions, sign, lead_m)).collect()
             };
             let by_place = [by_place(&|_| 1.0), by_place(&f64::signum)];
-            (left, by_place, spots::by_way(problem, place, &simulated, &positions))
+            let by_way = spots::by_way(problem, place, &simulated, &positions);
+            Left { in_time, by_place, by_way }
         };
-        let runs: Vec<_> = problem.places(Part::Fit).into_par_iter().map(of_run).collect();
+        let runs: Vec<Left> = problem.places(Part::Fit).into_par_iter().map(of_run).collect();
         let period_s = problem.machine.cycle.period.as_s();
         let signals = problem.signals().len();
         let of = |per_unit: f64, ranges: &[[f64; 2]], way: Option<usize>| -> Vec<f64> {
             let of_signal = |signal: usize| {
-                let sums = runs.iter().map(|(in_time, by_place, _)| {
-                    let all = way.map_or(in_time, |way| &by_place[way]);
+                let sums = runs.iter().map(|run| {
+                    let all = way.map_or(&run.in_time, |way| &run.by_place[way]);
                     all[signal].as_slice()
                 });
                 evened(&sums.collect::<Vec<_>>())
@@ -112,7 +123,7 @@ impl Peaks {
             .fold([f64::INFINITY, 0.0], |all, run| [all[0].min(run[0]), all[1].max(run[1])]);
         let begins_s = problem.places(Part::Fit).into_iter();
         let begins_s = begins_s.map(|place| problem.data[place].course.begins().as_s());
-        let timed: Vec<(f64, &Vec<Vec<f64>>)> = begins_s.zip(runs.iter().map(|(left, ..)| left)).collect();
+        let timed: Vec<(f64, &Vec<Vec<f64>>)> = begins_s.zip(runs.iter().map(|run| &run.in_time)).collect();
         let hz = of(1.0 / period_s, &[HZ], None).into_par_iter();
         Self {
             session_s: end_s - begin_s,
@@ -120,7 +131,7 @@ impl Peaks {
             per_turn: of(BINS_PER_TURN, &PER_TURN, Some(0)),
             per_turn_by_way: of(BINS_PER_TURN, &PER_TURN[..1], Some(1)),
             lead_m,
-            spots_mm: spots::furthest_mm(&runs.iter().map(|(.., by_way)| by_way.clone()).collect::<Vec<_>>()),
+            spots_mm: spots::furthest_mm(&runs.iter().map(|run| run.by_way.as_slice()).collect::<Vec<_>>()),
             span_m,
         }
     }

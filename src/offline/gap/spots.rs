@@ -41,9 +41,9 @@ pub(super) fn by_way(
 }
 
 /// The places that stand out most, mm.
-pub(super) fn furthest_mm(runs: &[Vec<[f64; 2]>]) -> Vec<f64> {
+pub(super) fn furthest_mm(runs: &[&[[f64; 2]]]) -> Vec<f64> {
     let bin = |at_m: f64| (at_m / BIN_M).floor();
-    let all = || runs.iter().flatten();
+    let all = || runs.iter().copied().flatten();
     let low = all().map(|[at_m, _]| bin(*at_m)).fold(f64::INFINITY, f64::min);
     let high = all().map(|[at_m, _]| bin(*at_m)).fold(f64::NEG_INFINITY, f64::max);
     if low > high {
@@ -52,7 +52,7 @@ pub(super) fn furthest_mm(runs: &[Vec<[f64; 2]>]) -> Vec<f64> {
     let mut stands_out = vec![0.0; (high - low) as usize + 1];
     for run in runs {
         let mut sums = vec![(0.0, 0_u32); stands_out.len()];
-        for [at_m, left] in run {
+        for [at_m, left] in *run {
             let (sum, count) = &mut sums[(bin(*at_m) - low) as usize];
             *sum += left;
             *count += 1;
@@ -100,7 +100,7 @@ mod tests {
             (0..40_000).map(row).collect()
         };
         let runs = [run(-0.12, -0.03, 0.0), run(0.0, 0.06, 0.3), run(0.02, 0.05, -0.2)];
-        let found = furthest_mm(&runs);
+        let found = furthest_mm(&runs.each_ref().map(Vec::as_slice));
         assert!((found[0] + 77.0).abs() < 5.0, "{found:?}");
         assert_eq!(furthest_mm(&[]), Vec::<f64>::new());
     }
