@@ -15,6 +15,10 @@ use super::fit::Fitted;
 use super::linear::{BLOCK_S, K, Linear, Loss, Steps, regular, residuals};
 use super::problem::{Part, Problem};
 
+/// Rows that judge want another amplitude where theirs is so many of its standard deviations, and such a share, away.
+const OTHER: f64 = 3.0;
+const OTHER_SHARE: f64 = 0.25;
+
 /// An amplitude by the rows that judge, in shares of what the fitted rows say of it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Judged {
@@ -29,6 +33,12 @@ impl Judged {
     pub(super) fn is_more_than(&self, deviations: f64, share: f64) -> bool {
         self.share > f64::max(deviations * self.deviation, share)
     }
+}
+
+/// Whether rows that judge are sure of other amplitudes than the fitted rows: what is the same thing has one size in both.
+pub(super) fn is_another(judged: &[Judged]) -> bool {
+    let differs = |one: &Judged| (one.share - 1.0).abs() > f64::max(OTHER * one.deviation, OTHER_SHARE);
+    !judged.is_empty() && judged.iter().all(differs)
 }
 
 /// What the rows that judge say of amplitudes: of each with all others as they follow it, but for times and places. Nothing
@@ -71,4 +81,27 @@ fn of_others(covariance: &DMatrix<f64>, known: &[usize]) -> Option<DMatrix<f64>>
         }
     }
     Some(all)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_has_another_size_where_nobody_fitted_is_another_thing() {
+        for (share, deviation, is_other) in [
+            (0.66, 0.08, true),
+            (1.53, 0.14, true),
+            (0.17, 0.27, true),
+            // Within what is not sure, or off by little.
+            (0.68, 0.17, false),
+            (1.21, 0.01, false),
+        ] {
+            let one = Judged { share, deviation };
+            assert_eq!(is_another(&[one]), is_other, "{share}, {deviation}");
+            // One of two amplitudes that stays as it is tells that it is the same.
+            assert!(!is_another(&[one, Judged { share: 1.0, deviation: 0.1 }]));
+        }
+        assert!(!is_another(&[]));
+    }
 }

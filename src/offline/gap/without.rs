@@ -2,6 +2,8 @@
 //!
 //! Invariant: the model without it is at a bottom of its own.
 
+use std::cell::LazyCell;
+
 use super::blocks::Blocks;
 use super::crossed;
 use super::fit::{Effort, Fitted, fit};
@@ -73,14 +75,14 @@ impl Without {
         let is_rough = is_rough(&self.fitted, model, self.rough, rows[0]);
         let is_plain = does_not_show_where_judged(entry, &self.fitted, model, [&self.blocks, blocks], rows);
         let amplitudes = telling(&model.model, place);
+        let judged = LazyCell::new(|| judged::alone(problem, model, &amplitudes));
         // Linear about the model with it, no other valley has a say.
         let is_foretold = || {
-            let judged = judged::alone(problem, model, &amplitudes);
             !blocks.is_surely_worse_than(&self.blocks)
                 && does_not_speak_against(&judged)
                 && crossed::foretold(problem, model, &amplitudes, &[]).is_some()
         };
-        fall > FALL && (!is_rough && (is_worse || is_plain) || is_foretold())
+        fall > FALL && (!is_rough && (is_worse || is_plain) || is_foretold()) && !judged::is_another(&judged)
     }
 }
 
