@@ -17,7 +17,7 @@ use rayon::prelude::*;
 use super::model::Model;
 use super::problem::{Problem, Residual};
 use super::runs::Run;
-use super::spectrum::Peaks;
+use super::spectrum::{Peaks, session_s};
 
 /// Runs of one clock are not at it at the same time for longer than this, s.
 const OVERLAP_S: f64 = 0.1;
@@ -41,19 +41,14 @@ fn is_one(mut spans_s: Vec<[f64; 2]>) -> bool {
 
 /// Whether runs lie no further apart than those of one session.
 fn is_one_session(spans_s: &[[f64; 2]]) -> bool {
-    let begin_s = spans_s.iter().map(|[begin_s, _]| *begin_s).fold(f64::INFINITY, f64::min);
-    let end_s = spans_s.iter().map(|[_, end_s]| *end_s).fold(f64::NEG_INFINITY, f64::max);
-    end_s - begin_s <= APART * spans_s.iter().map(|[begin_s, end_s]| end_s - begin_s).sum::<f64>()
+    session_s(spans_s) <= APART * spans_s.iter().map(|[begin_s, end_s]| end_s - begin_s).sum::<f64>()
 }
 
 /// What the clock of each run is behind, s; nothing where they have one, or nothing swings.
 pub(super) fn behind_s(problem: &Problem<'_>, model: &Model) -> Option<Vec<f64>> {
     let period_s = problem.machine.cycle.period.as_s();
-    let begin_s = |place: usize| problem.data[place].course.begins().as_s();
-    let rows = |place: usize| problem.data[place].fit.len();
-    let span_s = |at: usize| [begin_s(at), begin_s(at) + rows(at) as f64 * period_s];
-    let spans_s: Vec<[f64; 2]> = (0..problem.data.len()).map(span_s).collect();
-    if is_one_session(&spans_s) && is_one(spans_s) {
+    let spans_s = problem.spans_s();
+    if is_one_session(&spans_s) && is_one(spans_s.clone()) {
         return None;
     }
     let near_hz = Peaks::new(problem, model).loudest_hz()?;
@@ -61,7 +56,7 @@ pub(super) fn behind_s(problem: &Problem<'_>, model: &Model) -> Option<Vec<f64>>
         .into_par_iter()
         .map(|place| problem.residual(place, model, problem.data[place].main_part()))
         .collect();
-    let longest_s = (0..left.len()).map(rows).max()? as f64 * period_s;
+    let longest_s = problem.data.iter().map(|data| data.fit.len()).max()? as f64 * period_s;
     // Each run by itself: what it shows is as loud whatever its clock says.
     let loudness = |hz: f64| -> f64 {
         left.iter().flat_map(|run| lines(run, hz, period_s)).map(|line| line.norm_sqr()).sum()
@@ -70,10 +65,10 @@ pub(super) fn behind_s(problem: &Problem<'_>, model: &Model) -> Option<Vec<f64>>
     Some(
         phases(&left, hz, period_s)
             .iter()
-            .zip(0..)
-            .map(|(phase, at)| {
+            .zip(&spans_s)
+            .map(|(phase, [begins_s, _])| {
                 // What the clock says already is no part of it.
-                let behind = (phase / TAU - hz * begin_s(at)).rem_euclid(1.0);
+                let behind = (phase / TAU - hz * begins_s).rem_euclid(1.0);
                 behind / hz
             })
             .collect(),

@@ -15,7 +15,7 @@ use rustfft::FftPlanner;
 
 use super::forward::Signals;
 use super::model::Model;
-use super::problem::{AxisData, Part, Problem};
+use super::problem::{Part, Problem};
 use super::spots;
 use crate::offline::median::median;
 use crate::plant::effects::Parameter;
@@ -112,22 +112,14 @@ impl Peaks {
         let span_m = places
             .flat_map(|place| problem.data[place].course.setpoints_m())
             .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], at| [low.min(at), high.max(at)]);
-        let begin_and_end = |data: &AxisData| {
-            let begins_s = data.course.begins().as_s();
-            [begins_s, begins_s + data.fit.len() as f64 * period_s]
-        };
-        let [begin_s, end_s] = problem
-            .data
-            .iter()
-            .map(begin_and_end)
-            .fold([f64::INFINITY, 0.0], |all, run| [all[0].min(run[0]), all[1].max(run[1])]);
-        let begins_s = problem.places(Part::Fit).into_iter();
-        let begins_s = begins_s.map(|place| problem.data[place].course.begins().as_s());
+        let spans_s = problem.spans_s();
+        let session_s = session_s(&spans_s);
+        let begins_s = problem.places(Part::Fit).into_iter().map(|place| spans_s[place][0]);
         let timed: Vec<(f64, &Vec<Vec<f64>>)> = begins_s.zip(runs.iter().map(|run| &run.in_time)).collect();
         let hz = of(1.0 / period_s, &[HZ], None).into_par_iter();
         Self {
-            session_s: end_s - begin_s,
-            hz: hz.map(|hz| in_step(hz, &timed, period_s, end_s - begin_s)).collect(),
+            session_s,
+            hz: hz.map(|hz| in_step(hz, &timed, period_s, session_s)).collect(),
             per_turn: of(BINS_PER_TURN, &PER_TURN, Some(0)),
             per_turn_by_way: of(BINS_PER_TURN, &PER_TURN[..1], Some(1)),
             lead_m,
@@ -168,6 +160,13 @@ impl Peaks {
     pub(super) fn loudest_hz(&self) -> Option<f64> {
         self.hz.first().copied()
     }
+}
+
+/// From the begin of the first run to the end of the last, s.
+pub(super) fn session_s(spans_s: &[[f64; 2]]) -> f64 {
+    let begin_s = spans_s.iter().map(|[begin_s, _]| *begin_s).fold(f64::INFINITY, f64::min);
+    let end_s = spans_s.iter().map(|[_, end_s]| *end_s).fold(f64::NEG_INFINITY, f64::max);
+    end_s - begin_s
 }
 
 /// The peaks that stand out most, each once.
