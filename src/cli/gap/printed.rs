@@ -84,6 +84,8 @@ struct Left {
     period_mm: Option<f64>,
     /// In how many runs it pushes at moments of its own, of how many.
     pushed_runs: Option<[usize; 2]>,
+    /// In how many runs single readings jump, of how many.
+    jumping_runs: Option<[usize; 2]>,
     /// How many times as much as noise every run leaves, per row.
     times_noise: Option<f64>,
     /// Without which base parameter it would show, and how many times what the file says that is.
@@ -108,6 +110,7 @@ impl Left {
                     Shows::Period(period_mm) => left.period_mm = Some(period_mm),
                     Shows::Everywhere(times) => left.times_noise = Some(times),
                     Shows::Bursts(runs) => left.pushed_runs = Some(runs),
+                    Shows::Jumps(runs) => left.jumping_runs = Some(runs),
                 }
             }
         }

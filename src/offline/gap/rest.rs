@@ -82,6 +82,8 @@ pub enum Shows {
     Everywhere(f64),
     /// It pushes an axis that slides along, at moments of its own: in so many runs of so many.
     Bursts([usize; 2]),
+    /// Single readings jump while the axis slides along: in so many runs of so many.
+    Jumps([usize; 2]),
 }
 
 impl fmt::Display for Rest {
@@ -125,6 +127,10 @@ impl fmt::Display for Rest {
             Shows::Bursts([pushed, runs]) => write!(
                 out,
                 "the {signal} shows pushes while the axis slides along, at moments of their own, in {pushed} of {runs} runs"
+            ),
+            Shows::Jumps([jumping, runs]) => write!(
+                out,
+                "single readings of the {signal} jump while the axis slides along, in {jumping} of {runs} runs: look at the encoder and its line"
             ),
         }
     }
