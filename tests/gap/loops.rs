@@ -99,3 +99,38 @@ fn gains_that_nobody_names_are_those_of_the_current() {
     turned.axes[AxisId::X].control.gain_sets[0] = turned.axes[AxisId::X].control.gain_sets[1];
     assert_eq!(found(&turned), 0);
 }
+
+#[test]
+fn between_the_rows_of_a_log_that_has_not_every_cycle_the_loops_act_all_the_same() {
+    let machine = config::load("paper").expect("a machine");
+    let plant = machine.axes[AxisId::X].plant;
+    for (every, phase) in [(2, 0), (2, 1), (3, 2)] {
+        let whole = circle(&machine, &plant, "fast", [20.0, 1.6], 2, phase);
+        let axis = &whole.axes[&AxisId::X];
+        let of = |column: &Vec<f64>| column.iter().copied().step_by(every).collect::<Vec<f64>>();
+        let thinned = AxisRun {
+            setpoint_m: of(&axis.setpoint_m),
+            position_m: of(&axis.position_m),
+            table_m: axis.table_m.as_ref().map(of),
+            current_a: of(&axis.current_a),
+        };
+        let run = Run {
+            name: whole.name.clone(),
+            start_s: 0.0,
+            period_s: every as f64 / ROWS_PER_S,
+            is_sound: vec![true; thinned.setpoint_m.len()],
+            axes: BTreeMap::from([(AxisId::X, thinned)]),
+        };
+        let found = controller::explained(&machine, &[AxisId::X], &[run.clone()])[0][0][0];
+        assert_eq!((found.gain_set, found.phase), (0, phase), "every {every}: {found:?}");
+        let runs = [run];
+        let problem = problem_of(&machine, &runs, &repeats(&runs), AxisId::X, 0, &[phase]);
+        let made = problem.simulated(0, &Model::new(plant)).following_error_m;
+        let measured = &problem.data[0].measured.following_error_m;
+        assert_eq!(made.len(), measured.len());
+        let half = made.len() / 2;
+        let off_m = measured.iter().zip(&made).skip(half).map(|(is, made)| (is - made).abs());
+        let furthest_m = off_m.fold(0.0, f64::max);
+        assert!(furthest_m < 1e-9, "every {every}, phase {phase}: {furthest_m} m");
+    }
+}

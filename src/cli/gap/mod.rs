@@ -91,10 +91,11 @@ fn of_data(arguments: &Arguments) -> anyhow::Result<Outcome> {
     };
     let mut machine = machine_of(arguments)?;
     let axes = axes_of(&machine, &arguments.axes)?;
-    let mut intake = Intake::default();
+    let mut all = Intake::default();
     for path in &arguments.data {
-        intake.extend(read(path, map.as_deref(), &machine)?);
+        all.extend(read(path, map.as_deref(), &machine)?);
     }
+    let mut intake = all.at_one_rate(&machine);
     if !clocks::have_one(&intake.runs) {
         intake.repaired.push(
             "times of the files overlap: each is given a clock of its own, and nothing that grows over a session is found"

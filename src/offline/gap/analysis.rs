@@ -25,6 +25,7 @@ use super::repeat::{Repeat, first_pass};
 use super::repeats::repeats;
 use super::rest::Rest;
 use super::runs::{AxisRun, Run};
+use super::sparse::cycles;
 use super::verdict::{SignalGap, Verdict, closes_little, explains_too_little, gaps, shape, verdict};
 use super::zeros::Zeros;
 use crate::base::axis::AxisId;
@@ -321,7 +322,7 @@ fn data(machine: &Machine, runs: &[Run], repeats: &[Repeat], id: AxisId, phases:
     for (index, run) in runs.iter().enumerate() {
         let Some(of_run) = (if moves { busy[index].clone() } else { Some(0..run.len()) }) else { continue };
         let (from, part) = (of_run.start, part_of(run, &of_run, String::new()));
-        let phase = (phases[index] + every - from % every) % every;
+        let phase = (phases[index] + every - from * cycles(run, machine) % every) % every;
         let Some((course, axis)) = Course::new(&part, machine, id, phase, origin_s).zip(part.axes.get(&id))
         else {
             continue;

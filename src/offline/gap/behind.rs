@@ -71,7 +71,7 @@ type Means = BTreeMap<usize, [f64; 2]>;
 
 /// The stretches in which all axes are behind, one of a run.
 pub(super) fn behind(axes: &[AxisGap<'_>]) -> Vec<Behind> {
-    let Some(period_s) = axes.first().map(|axis| axis.problem.machine.cycle.period.as_s()) else {
+    let Some(period_s) = axes.first().map(|axis| axis.problem.period_s()) else {
         return Vec::new();
     };
     let rows = ((MEAN_S / period_s) as usize).max(1);

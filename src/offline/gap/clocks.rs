@@ -46,7 +46,7 @@ fn is_one_session(spans_s: &[[f64; 2]]) -> bool {
 
 /// What the clock of each run is behind, s; nothing where they have one, or nothing swings.
 pub(super) fn behind_s(problem: &Problem<'_>, model: &Model) -> Option<Vec<f64>> {
-    let period_s = problem.machine.cycle.period.as_s();
+    let period_s = problem.period_s();
     let spans_s = problem.spans_s();
     if is_one_session(&spans_s) && is_one(spans_s.clone()) {
         return None;

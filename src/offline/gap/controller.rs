@@ -9,6 +9,7 @@ use rayon::prelude::*;
 
 use super::forward::{SETTLE_S, setpoints};
 use super::runs::{AxisRun, Run};
+use super::sparse::{between, cycles};
 use crate::base::axis::AxisId;
 use crate::base::sample::{Freshness, Sample};
 use crate::base::setpoint::Setpoint;
@@ -100,11 +101,12 @@ pub struct Match {
     pub left_share: f64,
 }
 
-/// Rms of the current but what was asked for so many ticks before, as a share of the rms of the current.
-fn left_share(run: &Run, axis: &AxisRun, asked_a: &[f64], late: usize) -> f64 {
-    let first = ((SETTLE_S / run.period_s) as usize).min(run.len()).max(late);
+/// Rms of the current but what was asked for so many ticks before, as a share of the rms of the current; a row is so many ticks.
+fn left_share(run: &Run, axis: &AxisRun, (asked_a, ticks): (&[f64], usize), late: usize) -> f64 {
+    let first = ((SETTLE_S / run.period_s) as usize).max(late.div_ceil(ticks)).min(run.len());
+    let asked_a = |row: usize| asked_a[row * ticks - late];
     let off: Vec<f64> =
-        axis.current_a[first..].iter().zip(&asked_a[first - late..]).map(|(is, asked)| is - asked).collect();
+        axis.current_a.iter().enumerate().skip(first).map(|(row, is)| is - asked_a(row)).collect();
     let mean = off.iter().sum::<f64>() / off.len().max(1) as f64;
     let (mut left, mut whole) = (0.0, 0.0);
     for ((off, is), is_sound) in off.iter().zip(&axis.current_a[first..]).zip(&run.is_sound[first..]) {
@@ -185,14 +187,23 @@ pub(super) fn left_of(all: &[Vec<Match>], set: u8) -> f64 {
 /// is held against the current that came so many ticks later.
 fn matches(machine: &Machine, id: AxisId, run: &Run, velocity_estimate: VelocityEstimate) -> Vec<Match> {
     let Some(axis) = run.axes.get(&id) else { return Vec::new() };
-    let setpoints = setpoints(axis, run.period_s);
+    let cycles = cycles(run, machine);
+    // What the loops saw between two rows.
+    let seen = AxisRun {
+        setpoint_m: between(&axis.setpoint_m, cycles),
+        position_m: between(&axis.position_m, cycles),
+        table_m: None,
+        current_a: between(&axis.current_a, cycles),
+    };
+    let setpoints = setpoints(&seen.setpoint_m, run.period_s / cycles as f64);
     let mut all = Vec::new();
     for gain_set in 0..machine.gain_sets.len() {
         for phase in 0..machine.cycle.position_every as usize {
-            let asked = replayed(machine, id, (gain_set as u8, velocity_estimate), (axis, &setpoints), phase);
+            let asked =
+                replayed(machine, id, (gain_set as u8, velocity_estimate), (&seen, &setpoints), phase);
             let left = LAGS.into_iter().flat_map(|lag| {
                 let lagged = lagged(&asked, lag);
-                (0..=LATE_MAX).map(move |late| (late, left_share(run, axis, &lagged, late)))
+                (0..=LATE_MAX).map(move |late| (late, left_share(run, axis, (&lagged, cycles), late)))
             });
             let best = left.min_by(|a, b| a.1.total_cmp(&b.1));
             all.extend(best.map(|(late, left_share)| Match {

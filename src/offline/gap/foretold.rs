@@ -102,7 +102,7 @@ fn largest(problem: &Problem<'_>, left: &[Vec<&Residual>; 2]) -> Option<Foretold
     };
     let of_tones = places().flat_map(|(place, signal)| {
         let left: Vec<&[f64]> = runs.iter().filter_map(|run| Some(run.left.get(place)?.as_slice())).collect();
-        tones(&left, length, problem.machine.cycle.position_every)
+        tones(&left, length, problem.rows_of_loop())
             .into_iter()
             .filter_map(move |(line, gains)| sure(&gains, SURE, signal, Shows::Tone(line as f64 / BLOCK_S)))
     });

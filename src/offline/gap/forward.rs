@@ -9,6 +9,7 @@
 //! Units: m, A, s. Invariant: nothing measured drives the model but the first row.
 
 use super::runs::{AxisRun, Run};
+use super::sparse::{between, cycles};
 use crate::base::axis::AxisId;
 use crate::base::setpoint::Setpoint;
 use crate::base::time::Span;
@@ -70,9 +71,12 @@ impl Signals {
 /// The command of one axis in a run, with its start: all that the model is given.
 #[derive(Clone, Debug)]
 pub struct Course {
+    /// In each cycle.
     setpoints: Vec<Setpoint>,
+    /// From row to row.
+    cycles: usize,
     start: Start,
-    /// Row of the first tick of the position loop.
+    /// First cycle in which the position loop acts.
     phase: usize,
     has_table: bool,
     /// What the next axis did, as measured.
@@ -80,12 +84,13 @@ pub struct Course {
 }
 
 impl Course {
-    /// Of a run of a session that began at `origin_s`; the position loop acts in the row `phase` first.
+    /// Of a run of a session that began at `origin_s`; the position loop acts in the cycle `phase` first.
     pub fn new(run: &Run, machine: &Machine, id: AxisId, phase: usize, origin_s: f64) -> Option<Self> {
         let axis = run.axes.get(&id)?;
         let next = neighbours(run, machine, id);
-        let setpoints = setpoints(axis, run.period_s);
-        let first = START_ROWS.min(setpoints.len());
+        let cycles = cycles(run, machine);
+        let setpoints = setpoints(&between(&axis.setpoint_m, cycles), run.period_s / cycles as f64);
+        let first = START_ROWS.min(axis.setpoint_m.len());
         let moved =
             (axis.position_m[first - 1] - axis.position_m[0]) / ((first - 1).max(1) as f64 * run.period_s);
         let is_at_rest =
@@ -99,14 +104,14 @@ impl Course {
             current: Current::a(mean_a),
             time: Span::s(run.start_s - origin_s),
         };
-        Some(Self { setpoints, start, phase, has_table: axis.table_m.is_some(), next })
+        Some(Self { setpoints, cycles, start, phase, has_table: axis.table_m.is_some(), next })
     }
 
     /// Its first rows.
     #[must_use]
     pub fn first(&self, rows: usize) -> Self {
         let mut first = self.clone();
-        first.setpoints.truncate(rows);
+        first.setpoints.truncate(rows * self.cycles);
         first.next.truncate(rows);
         first
     }
@@ -126,7 +131,12 @@ impl Course {
 
     /// What the axis is asked for, row by row.
     pub fn setpoints(&self) -> impl Iterator<Item = &Setpoint> {
-        self.setpoints.iter()
+        self.setpoints.iter().step_by(self.cycles)
+    }
+
+    /// Cycles of the loops from row to row.
+    pub const fn cycles(&self) -> usize {
+        self.cycles
     }
 
     /// Where it should be, m, row by row.
@@ -134,10 +144,10 @@ impl Course {
         self.setpoints().map(|setpoint| setpoint.position.as_m())
     }
 
-    /// The run with this plant behind the loops of an axis, whose position loop acts every so many rows.
+    /// The run with this plant behind the loops of an axis, whose position loop acts every so many cycles.
     pub fn run(&self, axis: &Axis, every: u32, gain_set: u8, plant: &Parameters) -> Signals {
         let every = every as usize;
-        let rows = self.setpoints.len();
+        let rows = self.setpoints.len() / self.cycles;
         let closed = ClosedAxis::taken_over(axis, gain_set, plant, &self.start);
         let mut closed = if self.has_table { closed.with_table() } else { closed };
         let mut signals = Signals {
@@ -145,27 +155,32 @@ impl Course {
             deflection_m: Vec::with_capacity(if self.has_table { rows } else { 0 }),
             current_a: Vec::with_capacity(rows),
         };
-        for (row, setpoint) in self.setpoints.iter().enumerate() {
-            let logged = closed.row(setpoint, row % every == self.phase, self.next.get(row));
-            signals.following_error_m.push((setpoint.position - logged.position).as_m());
-            signals.deflection_m.extend(logged.table_position.map(|table| (logged.position - table).as_m()));
-            signals.current_a.push(logged.current.as_a());
+        for (cycle, setpoint) in self.setpoints.iter().enumerate() {
+            let next = self.next.get(cycle / self.cycles);
+            let logged = closed.row(setpoint, cycle % every == self.phase, next);
+            if cycle.is_multiple_of(self.cycles) {
+                signals.following_error_m.push((setpoint.position - logged.position).as_m());
+                signals
+                    .deflection_m
+                    .extend(logged.table_position.map(|table| (logged.position - table).as_m()));
+                signals.current_a.push(logged.current.as_a());
+            }
             closed.pass();
         }
         signals
     }
 }
 
-/// The setpoints of an axis, with velocity and acceleration as the differences of both neighbours show them.
-pub fn setpoints(axis: &AxisRun, period_s: f64) -> Vec<Setpoint> {
-    let rows = axis.setpoint_m.len();
+/// Setpoints that are so far apart, with velocity and acceleration as the differences of both neighbours show them.
+pub fn setpoints(setpoint_m: &[f64], period_s: f64) -> Vec<Setpoint> {
+    let rows = setpoint_m.len();
     let slope = |column: &[f64], row: usize| {
         let (low, high) = (row.saturating_sub(1), (row + 1).min(rows - 1));
         (column[high] - column[low]) / ((high - low) as f64 * period_s)
     };
-    let velocity: Vec<f64> = (0..rows).map(|row| slope(&axis.setpoint_m, row)).collect();
+    let velocity: Vec<f64> = (0..rows).map(|row| slope(setpoint_m, row)).collect();
     let of = |row: usize| Setpoint {
-        position: Position::m(axis.setpoint_m[row]),
+        position: Position::m(setpoint_m[row]),
         velocity: Velocity::m_per_s(velocity[row]),
         acceleration: Acceleration::m_per_s2(slope(&velocity, row)),
     };

@@ -365,11 +365,40 @@ mod tests {
     }
 
     #[test]
+    fn of_a_log_that_is_faster_than_the_loops_the_row_is_taken_in_which_they_begin() {
+        let intake = taken(|raw| {
+            raw.time_s.iter_mut().for_each(|time_s| *time_s /= 2.0);
+            for axis in raw.axes.values_mut() {
+                let [setpoint_m, table_m] = [&mut axis.setpoint_m, &mut axis.table_m].map(Option::as_mut);
+                for column in [setpoint_m, table_m, Some(&mut axis.position_m)].into_iter().flatten() {
+                    *column = (0..ROWS).map(|row| column[row.div_ceil(2)]).collect();
+                }
+            }
+        })
+        .expect("taken");
+        assert!(intake.repaired.join("\n").contains("2 in a cycle of the loops"), "{:?}", intake.repaired);
+        assert_eq!((intake.runs[0].len(), intake.runs[0].period_s), (ROWS / 2, 5e-4));
+        // Setpoints change in the rows 1, 3, 5 and so on.
+        assert_eq!(intake.runs[0].axes[&AxisId::X].position_m[..4], raw().axes["x"].position_m[1..5]);
+    }
+
+    #[test]
+    fn of_a_log_that_has_every_second_cycle_rows_stay_as_they_are_and_it_is_said() {
+        let intake = taken(|raw| raw.time_s.iter_mut().for_each(|time_s| *time_s *= 2.0)).expect("taken");
+        assert!(intake.repaired.join("\n").contains("2 cycles of the loops"), "{:?}", intake.repaired);
+        assert_eq!((intake.runs[0].len(), intake.runs[0].period_s), (ROWS, 1e-3));
+    }
+
+    #[test]
     fn what_cannot_be_is_refused_with_its_place() {
         let said = |change: fn(&mut Raw)| taken(change).expect_err("it is refused").to_string();
         assert!(
-            said(|raw| raw.time_s.iter_mut().for_each(|time_s| *time_s *= 2.0))
-                .contains("rows are 1000.0 us apart")
+            said(|raw| raw.time_s.iter_mut().for_each(|time_s| *time_s *= 1.5))
+                .contains("rows are 750.0 us apart")
+        );
+        assert!(
+            said(|raw| raw.time_s.iter_mut().for_each(|time_s| *time_s *= 5.0))
+                .contains("rows are 2500.0 us apart")
         );
         assert!(
             said(|raw| x(raw).position_m[1_000..3_000].fill(0.005))

@@ -132,7 +132,7 @@ pub(super) fn place_of(coordinate: Coordinate) -> usize {
 /// The coordinates of each row of a run.
 pub(super) fn coordinates(problem: &Problem<'_>, place: usize) -> Vec<Coordinates> {
     let data = &problem.data[place];
-    let period_s = problem.machine.cycle.period.as_s();
+    let period_s = problem.period_s();
     let lead_m = problem.machine.axes[problem.id].plant.mechanics.lead_m;
     let setpoints_m: Vec<f64> = data.course.setpoints_m().collect();
     let start_s = data.course.begins().as_s();

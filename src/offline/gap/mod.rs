@@ -8,7 +8,7 @@
 //! ```
 //!
 //! [`intake`] looks at data, and [`logged`] at logs, before they are believed as [`runs`], of one kind of `motions` each;
-//! [`limits`] that these go beyond are lifted; [`floor`] finds the noise in
+//! [`limits`] that these go beyond are lifted; `sparse` fills in what the loops were given where a log has not every cycle; [`floor`] finds the noise in
 //! [`repeats`], of each of which [`mod@repeat`] says what comes again, as the `laps` of a run do, and `counts` what no encoder resolves; [`forward`] runs the machine file from the command alone and [`controller`] its loops alone; [`fit`] fits a
 //! [`model`] in closed loop to a [`problem`], by its derivatives ([`linear`]), first where the axis is `moving` and then where the model
 //! is `straight`; [`clocks`] are set where files have none in common; [`locate`] tells where the gap lives;
@@ -60,6 +60,7 @@ pub mod repeats;
 pub mod rest;
 pub mod runs;
 pub mod shortlist;
+mod sparse;
 pub mod spectrum;
 mod spots;
 mod straight;

@@ -375,7 +375,7 @@ impl<'m> Problem<'m> {
 
     /// When each run begins and ends, s.
     pub(super) fn spans_s(&self) -> Vec<[f64; 2]> {
-        let period_s = self.machine.cycle.period.as_s();
+        let period_s = self.period_s();
         let begins_s = self.data.iter().map(|data| data.course.begins().as_s());
         let lasts_s = self.data.iter().map(|data| data.fit.len() as f64 * period_s);
         begins_s.zip(lasts_s).map(|(begins_s, lasts_s)| [begins_s, begins_s + lasts_s]).collect()
@@ -383,7 +383,7 @@ impl<'m> Problem<'m> {
 
     /// Rows of a residual in so much time.
     pub fn rows_in(&self, time_s: f64) -> usize {
-        ((time_s / self.machine.cycle.period.as_s()) as usize).max(1)
+        ((time_s / self.period_s()) as usize).max(1)
     }
 }
 

@@ -1,4 +1,4 @@
-//! Runs: rows one cycle apart, in SI units, with a mark on each row that holds what somebody measured; and why data
+//! Runs: rows a whole number of cycles apart, in SI units, with a mark on each row that holds what somebody measured; and why data
 //! are none.
 //!
 //! Units: m, A, s. Invariant: a row that was filled in is marked and takes part in no comparison.
@@ -35,7 +35,7 @@ pub enum RunError {
     },
     /// Another rate than that of the cycle.
     #[error(
-        "{run}: rows are {found_us:.1} us apart, the machine's cycle takes {wanted_us:.1} us; log every cycle"
+        "{run}: rows are {found_us:.1} us apart, the machine's cycle takes {wanted_us:.1} us; log every cycle, or one in two, three or four"
     )]
     Period {
         /// Which run.
@@ -143,7 +143,7 @@ pub(super) fn span(column: &[f64]) -> f64 {
     high - low
 }
 
-/// Rows one cycle apart.
+/// Rows a whole number of cycles apart.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Run {
     /// File, and piece of it.

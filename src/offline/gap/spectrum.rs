@@ -87,7 +87,7 @@ impl Peaks {
             Left { in_time, by_place, by_way }
         };
         let runs: Vec<Left> = problem.places(Part::Fit).into_par_iter().map(of_run).collect();
-        let period_s = problem.machine.cycle.period.as_s();
+        let period_s = problem.period_s();
         let signals = problem.signals().len();
         let of = |per_unit: f64, ranges: &[[f64; 2]], way: Option<usize>| -> Vec<f64> {
             let of_signal = |signal: usize| {

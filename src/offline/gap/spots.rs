@@ -33,7 +33,7 @@ pub(super) fn by_way(
 ) -> Vec<[f64; 2]> {
     let Some(noise) = &problem.noises[CURRENT] else { return Vec::new() };
     let left = problem.left(place, simulated, CURRENT, Part::Fit);
-    let slow_m = SLOW_M_PER_S * problem.machine.cycle.period.as_s();
+    let slow_m = SLOW_M_PER_S * problem.period_s();
     let most = FAR * noise.rms;
     let rows = positions_m.windows(2).zip(&left).zip(&problem.data[place].fit);
     let moves = rows.filter(|((pair, _), counts)| **counts && (pair[1] - pair[0]).abs() > slow_m);

@@ -161,7 +161,7 @@ fn leaves_much(blocks: &[[f64; 2]]) -> bool {
 /// Power of what two models leave of each block of the rows that were not fitted, in units of noise, of the signal that
 /// shows most. Rows count as in [`gaps`]: a second in which the table creeps outweighs a minute here as well.
 fn blocks_of_power(problem: &Problem<'_>, models: [&Model; 2]) -> Vec<[f64; 2]> {
-    let length = (BLOCK_S / problem.machine.cycle.period.as_s()) as usize;
+    let length = problem.rows_in(BLOCK_S);
     let floors: [Option<f64>; SIGNALS.len()] =
         std::array::from_fn(|signal| problem.floor(signal, Part::Held));
     let mut blocks = Vec::new();

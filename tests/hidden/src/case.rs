@@ -221,7 +221,7 @@ impl Bench {
             drift: nuisance.drift,
         };
         let named = |run: &Run| run.name.clone();
-        if plan.form == Form::Apart {
+        if matches!(plan.form, Form::Apart | Form::EverySecond) {
             let runs = self.machine.runs.iter().zip(Session::starts(&self.machine)).zip(session.run());
             return runs
                 .filter(|((run, _), _)| nuisance.has(run))
@@ -259,7 +259,7 @@ impl Bench {
                 })
                 .collect();
             let path = case.join(format!("{name}.csv"));
-            trace::write(&path, rows, *start, |n| stamps[n], nuisance.has_table)
+            trace::write(&path, (rows, plan.form.periods()), *start, |n| stamps[n], nuisance.has_table)
                 .with_context(|| format!("cannot write {}", path.display()))?;
         }
         let text = machine_file::text(&self.machine, &nuisance.told, nuisance.has_table);

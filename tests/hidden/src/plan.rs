@@ -84,9 +84,16 @@ pub enum Form {
     AtZero,
     /// One file with all of them and the ways between them.
     OneFile,
+    /// A file each as apart, with a row in every second period, as scopes of drives write them.
+    EverySecond,
 }
 
 impl Form {
+    /// Periods from row to row.
+    pub fn periods(self) -> usize {
+        if self == Self::EverySecond { 2 } else { 1 }
+    }
+
     /// One of these drawn; apart where there are none.
     fn drawn(of: &[Self], seed: u64) -> Self {
         if of.is_empty() { Self::default() } else { of[random(seed, 9).random_range(0..of.len())] }

@@ -15,10 +15,10 @@ const TIME_DIGITS: u32 = 7;
 const PLACE_DIGITS: u32 = 8;
 const CURRENT_DIGITS: u32 = 6;
 
-/// Write a run. `start` is the session's time at its begin, `stamps` what is added to the time of each row.
+/// Write one of so many rows of a run. `start` is the session's time at its begin, `stamps` what is added to the time of each row.
 pub fn write(
     path: &Path,
-    rows: &[Row],
+    (rows, every): (&[Row], usize),
     start: f64,
     stamps: impl Fn(usize) -> f64,
     has_table: bool,
@@ -34,7 +34,7 @@ pub fn write(
     }
     writeln!(file, "{head}")?;
     let mut line = Vec::with_capacity(160);
-    for (number, row) in rows.iter().enumerate() {
+    for (number, row) in rows.iter().enumerate().step_by(every) {
         line.clear();
         put(&mut line, start + number as f64 * PERIOD + stamps(number), TIME_DIGITS);
         for Reading { setpoint, position, table, current } in row {
