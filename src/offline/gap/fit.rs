@@ -291,9 +291,9 @@ fn moved(model: &Model, at: &[f64], mut curvature: DMatrix<f64>, slope: &DVector
 }
 
 impl Fitted {
-    /// Whether an amplitude is so many of its standard deviations from zero, all others as they follow it but for those
-    /// that say what it is an amplitude of; a base parameter follows as far as it reaches.
-    pub fn is_surely_not_zero(&self, at: usize, deviations: f64) -> bool {
+    /// How many of its standard deviations an amplitude is from zero, all others as they follow it but for those
+    /// that say what it is an amplitude of; a base parameter follows as far as it reaches. None where that would turn its sign.
+    pub fn deviations(&self, at: usize) -> f64 {
         let coordinates = self.model.coordinates();
         let mut known = self.covariance.clone();
         for of in self.model.shapes() {
@@ -313,7 +313,12 @@ impl Fitted {
                 variance = covariance(at, at) - share * covariance(base, at);
             }
         }
-        value.abs() > deviations * variance.max(0.0).sqrt() && value * coordinates[at] > 0.0
+        if value * coordinates[at] > 0.0 { value.abs() / variance.max(f64::MIN_POSITIVE).sqrt() } else { 0.0 }
+    }
+
+    /// Whether that is more than so many.
+    pub fn is_surely_not_zero(&self, at: usize, deviations: f64) -> bool {
+        self.deviations(at) > deviations
     }
 
     /// The same with its effects in another order: their places as they were.

@@ -258,12 +258,13 @@ pub fn name<'m>(
         if effects.len() == 1 {
             base = Some(test.fitted.clone());
         }
-        if !is_needed {
+        let stays_sure = gates::stays_sure(&model);
+        if !is_needed || !stays_sure {
             let is_deeper = test.fitted.total < DEEPER * before.total;
             (model, blocks) = (test.fitted, test.blocks);
             effects.pop();
             let mut best = best;
-            best.failed.push(Gate::Needed);
+            best.failed.push(if stays_sure { Gate::Needed } else { Gate::Amplitude });
             refused.push(best);
             // It only led the base out of its valley, where what is missing may not have shown.
             valleys += 1;

@@ -1,5 +1,6 @@
 //! Reversal compensation: a control that pushes by itself once its command has turned back, as many do against
-//! the quadrant glitch, and nobody told. The measured current shows it. With a large exponent the push is even.
+//! the quadrant glitch, and nobody told. The measured current shows it. With an exponent of 1 the push fades as a time constant
+//! lets it, and none fades faster at first; with a large one it is even.
 //!
 //! Invariant: nothing before the first reversal.
 
@@ -13,7 +14,7 @@ pub(super) const ENTRY: Entry = Entry {
     parameters: &[
         Parameter::new("current-a", "A", [-100.0, 100.0], 0.5, 0.5),
         Parameter::new("decay-ms", "ms", [1.0, 1_000.0], 20.0, 20.0),
-        Parameter::new("exponent", "", [0.5, 20.0], 1.0, 2.0),
+        Parameter::new("exponent", "", [1.0, 20.0], 1.0, 2.0),
     ],
     coordinate: Coordinate::TimeSinceReversal,
     experiment: Experiment::Circles,
