@@ -243,11 +243,15 @@ pub(super) fn is_sure(problem: &Problem<'_>, fitted: &Fitted) -> bool {
         || judged::alone(problem, fitted, &telling).iter().any(|alone| alone.is_more_than(SURE, ALONE_SHARE))
 }
 
-/// Whether an amplitude of the last effect of a model is sure at its bottom: what rows that judge were sure of by themselves may be
-/// anything there.
-pub(super) fn stays_sure(bottom: &Fitted) -> bool {
-    let telling = telling(&bottom.model, bottom.model.effects.len() - 1);
-    telling.iter().any(|amplitude| bottom.is_surely_not_zero(*amplitude, STAYS))
+/// The gate that the last effect of a model does not pass any more at its bottom: there it may go to a bound, and what rows that judge
+/// were sure of by themselves may be anything.
+pub(super) fn lost_at(bottom: &Fitted) -> Option<Gate> {
+    let last = bottom.model.effects.len() - 1;
+    let is_sure = |amplitude: &usize| bottom.is_surely_not_zero(*amplitude, STAYS);
+    if bottom.model.is_at_bound(last) {
+        return Some(Gate::Bounds);
+    }
+    (!telling(&bottom.model, last).iter().any(is_sure)).then_some(Gate::Amplitude)
 }
 
 /// A model whose last effect is put to every gate but the last.
@@ -288,7 +292,8 @@ pub(super) fn judged(
     let place = fitted.model.first_coordinate(added);
     let telling = telling(&fitted.model, added);
     let is_sure = telling.iter().any(|amplitude| fitted.is_surely_not_zero(*amplitude, SURE));
-    if is_of_formulation(&fitted.model.effects[added], problem.machine.cycle.period.as_s()) {
+    let is_little = is_of_formulation(&fitted.model.effects[added], problem.machine.cycle.period.as_s());
+    if is_little {
         failed.push(Gate::Amplitude);
     }
     if fitted.model.is_at_bound(added) {
@@ -335,7 +340,11 @@ pub(super) fn judged(
         all.filter(|(_, one)| one.is_more_than(SAID, ALONE_SHARE))
             .any(|(at, one)| fitted.deviations(*at).hypot(one.share / one.deviation) > SURE)
     };
-    if failed == [Gate::Amplitude] && is_sure_together() && !judged::is_another(&asked) && foretold.is_some()
+    if failed == [Gate::Amplitude]
+        && !is_little
+        && is_sure_together()
+        && !judged::is_another(&asked)
+        && foretold.is_some()
     {
         failed.clear();
     }
@@ -351,10 +360,11 @@ pub(super) fn judged(
     Candidate { evidence: fall + held_fall, fitted, held, failed }
 }
 
-/// Whether an effect is a time so short that two formulations of the same loops differ by as much.
+/// Whether an effect is so little, or a time so short, that two formulations of the same machine or loops differ by as much.
 fn is_of_formulation(tried: &Tried, period_s: f64) -> bool {
-    let Parameter { unit, .. } = tried.entry.parameters[0];
-    unit == "us" && 1e-6 * tried.values[0] < OF_CYCLE * period_s
+    let Parameter { unit, least, .. } = tried.entry.parameters[0];
+    let size = tried.values[0].abs();
+    size < least || (unit == "us" && 1e-6 * size < OF_CYCLE * period_s)
 }
 
 /// Whether rows that judge say that an amplitude is there, or nothing.
@@ -401,12 +411,13 @@ mod tests {
     }
 
     #[test]
-    fn a_time_of_a_hundredth_of_a_cycle_is_how_formulations_differ() {
+    fn a_time_of_a_hundredth_of_a_cycle_and_a_zone_a_few_per_cent_softer_are_how_formulations_differ() {
         for (name, value, is) in [
             ("current-loop-lag", 6.2, true),
             ("actuator-delay", 9.0, true),
             ("actuator-delay", 36.0, false),
-            // Of no loop.
+            ("soft-zone", 6.4, true),
+            ("soft-zone", 24.0, false),
             ("backlash", 0.1, false),
         ] {
             let tried = Tried { entry: entry(name).expect("an effect"), values: [value, 0.0, 0.0] };

@@ -258,13 +258,13 @@ pub fn name<'m>(
         if effects.len() == 1 {
             base = Some(test.fitted.clone());
         }
-        let stays_sure = gates::stays_sure(&model);
-        if !is_needed || !stays_sure {
+        let lost = gates::lost_at(&model).or((!is_needed).then_some(Gate::Needed));
+        if let Some(gate) = lost {
             let is_deeper = test.fitted.total < DEEPER * before.total;
             (model, blocks) = (test.fitted, test.blocks);
             effects.pop();
             let mut best = best;
-            best.failed.push(if stays_sure { Gate::Needed } else { Gate::Amplitude });
+            best.failed.push(gate);
             refused.push(best);
             // It only led the base out of its valley, where what is missing may not have shown.
             valleys += 1;
@@ -292,7 +292,8 @@ pub fn name<'m>(
     let mut place = 0;
     while effects.len() > 1 && place + 1 < effects.len() {
         let test = Without::of(&problem, &once, &model, usual + place, [start, &coarse.model]);
-        if test.shows_need(&problem, &model, &blocks, usual + place) {
+        let is_at_bound = model.model.is_at_bound(usual + place);
+        if !is_at_bound && test.shows_need(&problem, &model, &blocks, usual + place) {
             place += 1;
         } else {
             effects.remove(place);

@@ -36,6 +36,8 @@ pub struct Parameter {
     pub is_of_base: bool,
     /// Whether a machine has whole numbers of it only.
     pub is_whole: bool,
+    /// What is less is how two models of the same machine differ, and no effect.
+    pub least: f64,
     /// Over what the effect swings, where the value says how often.
     swings_over: Option<Swing>,
 }
@@ -79,6 +81,7 @@ impl Parameter {
             is_amplitude: false,
             is_of_base: false,
             is_whole: false,
+            least: 0.0,
             swings_over: None,
         }
     }
@@ -86,6 +89,12 @@ impl Parameter {
     /// The same of what a parameter of the base model stands for.
     pub(super) const fn of_base(mut self) -> Self {
         self.is_of_base = true;
+        self
+    }
+
+    /// The same of which less than that is no effect.
+    pub(super) const fn at_least(mut self, least: f64) -> Self {
+        self.least = least;
         self
     }
 

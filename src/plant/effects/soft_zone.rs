@@ -16,7 +16,9 @@ pub(super) const ENTRY: Entry = Entry {
     summary: "a screw that is softer under little force",
     equation: "F_screw = K (d - s clamp(d, -h, h)) + C d'",
     parameters: &[
-        Parameter::new("softness-percent", "%", [0.0, 85.0], 60.0, 30.0),
+        // Preload that is lost halves a stiffness. Where friction acts on the screw and not on the table alone, the drive bends a few per cent
+        // more up to where friction bends it.
+        Parameter::new("softness-percent", "%", [0.0, 85.0], 60.0, 30.0).at_least(10.0),
         Parameter::new("half-width-um", "um", [0.1, 30.0], 2.0, 2.0),
     ],
     coordinate: Coordinate::ScrewForce,
