@@ -121,9 +121,9 @@ fn between_the_rows_of_a_log_that_has_not_every_cycle_the_loops_act_all_the_same
             is_sound: vec![true; thinned.setpoint_m.len()],
             axes: BTreeMap::from([(AxisId::X, thinned)]),
         };
-        let found = controller::explained(&machine, &[AxisId::X], &[run.clone()])[0][0][0];
-        assert_eq!((found.gain_set, found.phase), (0, phase), "every {every}: {found:?}");
         let runs = [run];
+        let found = controller::explained(&machine, &[AxisId::X], &runs)[0][0][0];
+        assert_eq!((found.gain_set, found.phase), (0, phase), "every {every}: {found:?}");
         let problem = problem_of(&machine, &runs, &repeats(&runs), AxisId::X, 0, &[phase]);
         let made = problem.simulated(0, &Model::new(plant)).following_error_m;
         let measured = &problem.data[0].measured.following_error_m;
