@@ -12,7 +12,8 @@ pub(super) const ENTRY: Entry = Entry {
     summary: "a control that pushes by itself after a reversal of its command",
     equation: "i_c + A sign(v_set) exp(-(t / T)^n)",
     parameters: &[
-        Parameter::new("current-a", "A", [-100.0, 100.0], 0.5, 0.5),
+        // Along the new way: against it a control would make the glitch that it is there to mend.
+        Parameter::new("current-a", "A", [0.0, 100.0], 0.5, 0.5),
         Parameter::new("decay-ms", "ms", [1.0, 1_000.0], 20.0, 20.0),
         Parameter::new("exponent", "", [1.0, 20.0], 1.0, 2.0),
     ],
