@@ -189,12 +189,7 @@ fn matches(machine: &Machine, id: AxisId, run: &Run, velocity_estimate: Velocity
     let Some(axis) = run.axes.get(&id) else { return Vec::new() };
     let cycles = cycles(run, machine);
     // What the loops saw between two rows.
-    let seen = AxisRun {
-        setpoint_m: between(&axis.setpoint_m, cycles),
-        position_m: between(&axis.position_m, cycles),
-        table_m: None,
-        current_a: between(&axis.current_a, cycles),
-    };
+    let seen = axis.by_columns(|column| between(column, cycles));
     let setpoints = setpoints(&seen.setpoint_m, run.period_s / cycles as f64);
     let mut all = Vec::new();
     for gain_set in 0..machine.gain_sets.len() {

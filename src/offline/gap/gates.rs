@@ -326,26 +326,20 @@ pub(super) fn judged(
     let before = (0..added).filter(|place| !is_usual(fitted.model.effects[*place].entry));
     let before: Vec<usize> = before.flat_map(|place| self::telling(&fitted.model, place)).collect();
     let foretold = LazyCell::new(|| crossed::foretold(problem, &fitted, &telling, &before));
-    if is_sure
+    let rows_that_judge_are_silent = is_sure
         && !failed.is_empty()
         && failed.iter().all(Gate::is_of_rows_that_judge)
-        && does_not_speak_against(&asked)
-        && foretold.is_some()
-    {
-        failed.clear();
-    }
-    // The fitted rows and those that judge are not the same: together they may be as sure, where each command bears it out.
+        && does_not_speak_against(&asked);
+    // The fitted rows and those that judge are not the same: together they may be as sure.
     let is_sure_together = || {
         let all = telling.iter().zip(asked.iter());
         all.filter(|(_, one)| one.is_more_than(SAID, ALONE_SHARE))
             .any(|(at, one)| fitted.deviations(*at).hypot(one.share / one.deviation) > SURE)
     };
-    if failed == [Gate::Amplitude]
-        && !is_little
-        && is_sure_together()
-        && !judged::is_another(&asked)
-        && foretold.is_some()
-    {
+    let is_sure_by_both =
+        failed == [Gate::Amplitude] && !is_little && is_sure_together() && !judged::is_another(&asked);
+    // Where each command bears it out.
+    if (rows_that_judge_are_silent || is_sure_by_both) && foretold.is_some() {
         failed.clear();
     }
     // Linear about the model with it, no valley of stick and slip has a say.

@@ -121,27 +121,18 @@ impl Grid {
         axes: &BTreeMap<AxisId, AxisRun>,
     ) -> Run {
         let rows = piece.last().map_or(0, |(_, place)| place + 1);
-        let placed = |column: &Vec<f64>| {
+        let placed = |column: &[f64]| {
             let mut even = vec![f64::NAN; rows];
             for (row, place) in piece {
                 even[*place] = column[*row];
             }
             even
         };
-        let axis = |(id, axis): (&AxisId, &AxisRun)| {
-            let axis = AxisRun {
-                setpoint_m: placed(&axis.setpoint_m),
-                position_m: placed(&axis.position_m),
-                table_m: axis.table_m.as_ref().map(placed),
-                current_a: placed(&axis.current_a),
-            };
-            (*id, axis)
-        };
         let run = Run {
             name,
             start_s: piece.first().map_or(0.0, |(row, _)| time_s[*row]),
             period_s: self.period_s,
-            axes: axes.iter().map(axis).collect(),
+            axes: axes.iter().map(|(id, axis)| (*id, axis.by_columns(placed))).collect(),
             is_sound: vec![true; rows],
         };
         if self.rows == 1 {

@@ -100,13 +100,7 @@ pub(super) fn taken_apart(run: Run) -> Vec<Run> {
 
 /// Some rows of a run.
 pub(super) fn part_of(run: &Run, rows: &Range<usize>, name: String) -> Run {
-    let of = |column: &Vec<f64>| column[rows.clone()].to_vec();
-    let axis = |axis: &AxisRun| AxisRun {
-        setpoint_m: of(&axis.setpoint_m),
-        position_m: of(&axis.position_m),
-        table_m: axis.table_m.as_ref().map(of),
-        current_a: of(&axis.current_a),
-    };
+    let axis = |axis: &AxisRun| axis.by_columns(|column| column[rows.clone()].to_vec());
     Run {
         name,
         start_s: run.start_s + rows.start as f64 * run.period_s,

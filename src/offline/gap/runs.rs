@@ -118,6 +118,19 @@ pub struct AxisRun {
     pub current_a: Vec<f64>,
 }
 
+impl AxisRun {
+    /// The same with something made of each column.
+    #[must_use]
+    pub(super) fn by_columns(&self, of: impl Fn(&[f64]) -> Vec<f64>) -> Self {
+        Self {
+            setpoint_m: of(&self.setpoint_m),
+            position_m: of(&self.position_m),
+            table_m: self.table_m.as_deref().map(&of),
+            current_a: of(&self.current_a),
+        }
+    }
+}
+
 #[cfg(test)]
 impl Run {
     /// One whose axes are where they should be and draw no current.

@@ -8,7 +8,7 @@
 //! Invariant: a row is a whole number of cycles, the same of all runs that are looked at together.
 
 use super::problem::Problem;
-use super::runs::{AxisRun, Intake, Run};
+use super::runs::{Intake, Run};
 use crate::config::Machine;
 
 /// What differs by less bends evenly, m or A.
@@ -52,20 +52,14 @@ pub(super) fn between(column: &[f64], cycles: usize) -> Vec<f64> {
 
 impl Run {
     /// One of so many of its rows, from one on.
-    pub(super) fn thinned(self, first: usize, every: usize) -> Self {
-        let of = |column: Vec<f64>| column.into_iter().skip(first).step_by(every).collect::<Vec<f64>>();
-        let axis = |axis: AxisRun| AxisRun {
-            setpoint_m: of(axis.setpoint_m),
-            position_m: of(axis.position_m),
-            table_m: axis.table_m.map(of),
-            current_a: of(axis.current_a),
-        };
+    pub(super) fn thinned(&self, first: usize, every: usize) -> Self {
+        let of = |column: &[f64]| column.iter().copied().skip(first).step_by(every).collect();
         Self {
+            name: self.name.clone(),
             start_s: self.start_s + first as f64 * self.period_s,
             period_s: self.period_s * every as f64,
-            axes: self.axes.into_iter().map(|(id, columns)| (id, axis(columns))).collect(),
-            is_sound: self.is_sound.into_iter().skip(first).step_by(every).collect(),
-            ..self
+            axes: self.axes.iter().map(|(id, axis)| (*id, axis.by_columns(of))).collect(),
+            is_sound: self.is_sound.iter().copied().skip(first).step_by(every).collect(),
         }
     }
 }
@@ -82,7 +76,7 @@ impl Intake {
                 "{}: one row of {every} is taken, for other runs have a row in every {all} cycles alone",
                 run.name
             ));
-            *run = run.clone().thinned(0, every);
+            *run = run.thinned(0, every);
         }
         self
     }
