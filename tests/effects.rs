@@ -228,7 +228,7 @@ fn protrusions(effect: Option<(&str, Values)>) -> [f64; 2] {
 fn tuning_sees_the_effects_that_the_whole_circle_has() {
     let [bare_um, _] = protrusions(None);
     let effects: [(&str, Values); 3] = [
-        ("stribeck", [150.0, 4.0, 0.0]),
+        ("stribeck", [150.0, 4.0, 2.0]),
         // At its most where the axes turn back, two turns of the screw from the centre.
         ("screw-ripple", [20.0, 1.0, 90.0]),
         ("presliding", [8.0, 0.0, 0.0]),

@@ -239,14 +239,15 @@ fn a_steady_motion_takes_the_current_that_the_equation_says() {
     const SLIDING_N: f64 = 951.3;
     let per_newton_a = 1.0 / paper_axis().mechanics.force_per_torque();
     type Force = fn(v: f64, x: f64) -> f64;
-    let cases: [(&str, Values, Force); 9] = [
+    let cases: [(&str, Values, Force); 10] = [
         ("viscous-friction", [2.0, 0.0, 0.0], |v, _| {
             SLIDING_N.copysign(v) + 2e3 * (v.abs() - 5e-4).copysign(v)
         }),
         ("quadratic-drag", [80_000.0, 0.0, 0.0], |v, _| (SLIDING_N + 8e4 * v * v).copysign(v)),
-        ("stribeck", [300.0, 20.0, 0.0], |v, _| {
+        ("stribeck", [300.0, 20.0, 2.0], |v, _| {
             (SLIDING_N + 300.0 * (-(v / 0.02).powi(2)).exp()).copysign(v)
         }),
+        ("stribeck", [300.0, 20.0, 1.0], |v, _| (SLIDING_N + 300.0 * (-(v / 0.02).abs()).exp()).copysign(v)),
         ("direction-asymmetry", [10.0, 0.0, 0.0], |v, _| SLIDING_N.copysign(v) + 0.1 * SLIDING_N),
         ("constant-force", [-70.0, 0.0, 0.0], |v, _| SLIDING_N.copysign(v) + 70.0),
         ("spring-load", [2.0, 100.0, 0.0], |v, x| SLIDING_N.copysign(v) + 2e3 * (x - 0.1)),
