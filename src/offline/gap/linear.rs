@@ -229,8 +229,12 @@ fn column(
     if !model.is_free(coordinate) || !problem.tells(model, coordinate) {
         return None;
     }
-    let shifted = |base: &Base| problem.shifted(place, (base.zero_of?, base.prior), part);
-    if let Some(column) = BASE.get(coordinate).and_then(shifted) {
+    // What is of a sensor alone moves nothing that would have to be simulated.
+    let shown = |base: &Base| {
+        let enlarged = || Some(problem.enlarged(place, (base.scale_of?, base.prior), part, residual));
+        base.zero_of.map_or_else(enlarged, |of| problem.shifted(place, (of, base.prior), part))
+    };
+    if let Some(column) = BASE.get(coordinate).and_then(shown) {
         return Some(column);
     }
     // Away from a bound where one is near.

@@ -59,6 +59,7 @@ pub mod repeat;
 pub mod repeats;
 pub mod rest;
 pub mod runs;
+mod sensors;
 pub mod shortlist;
 mod sparse;
 pub mod spectrum;

@@ -5,7 +5,7 @@
 //! plant, so that they are taken for no effect.
 //! Invariant: a coordinate of 0 is what the file says.
 
-use super::forward::{DEFLECTION, FOLLOWING_ERROR};
+use super::forward::{CURRENT, DEFLECTION, FOLLOWING_ERROR};
 use crate::base::units::{Force, Velocity};
 use crate::plant::Parameters;
 
@@ -40,6 +40,8 @@ pub struct Base {
     pub prior: f64,
     /// Place of the signal in [`SIGNALS`](super::problem::SIGNALS) of which it is the zero, which is of a recording and of no machine.
     pub zero_of: Option<usize>,
+    /// Place of the signal that its sensor shows so many times as large.
+    pub scale_of: Option<usize>,
     /// How far a machine is from its file at most, in priors: further off it is another machine, or it is an effect.
     reach: [f64; 2],
     get: fn(&Twin) -> f64,
@@ -55,7 +57,7 @@ impl Base {
         get: fn(&Twin) -> f64,
         set: fn(&mut Twin, f64),
     ) -> Self {
-        Self { name, unit, prior, zero_of: None, reach: [-6.0, 6.0], get, set }
+        Self { name, unit, prior, zero_of: None, scale_of: None, reach: [-6.0, 6.0], get, set }
     }
 
     /// Whether it is added to what there is.
@@ -181,7 +183,16 @@ pub const BASE: [Base; 13] = [
             |twin, value| twin.plant.actuator.current_loop_hz = value,
         )
     },
-    Base::filed("current_gain", "", 0.1, |twin| twin.current_gain, |twin, value| twin.current_gain = value),
+    Base {
+        scale_of: Some(CURRENT),
+        ..Base::filed(
+            "current_gain",
+            "",
+            0.1,
+            |twin| twin.current_gain,
+            |twin, value| twin.current_gain = value,
+        )
+    },
     Base {
         zero_of: Some(DEFLECTION),
         reach: [f64::NEG_INFINITY, f64::INFINITY],

@@ -16,7 +16,7 @@ use super::forward::DEFLECTION;
 use super::gates::PLAIN;
 use super::linear::{K, Loss, residuals};
 use super::model::Model;
-use super::problem::{AxisData, Part, Problem, Residual, SIGNALS};
+use super::problem::{AxisData, Part, Problem};
 use super::refit::coarsely;
 use super::usual;
 use crate::offline::median::median;
@@ -104,20 +104,6 @@ impl Problem<'_> {
             Zeros::OfAll => FURTHEST * self.hidden_m,
             Zeros::OfEachRun => f64::INFINITY,
         }
-    }
-
-    /// What of a run changes where the zero of a signal is simulated so much higher; nothing where a zero of its own may make up for that,
-    /// or for some of it.
-    pub(super) fn shifted(&self, place: usize, (shifted, by): (usize, f64), part: Part) -> Option<Residual> {
-        if shifted == DEFLECTION && self.zero_reach_m() > 0.0 {
-            return None;
-        }
-        let data = &self.data[place];
-        let by = if shifted == DEFLECTION { by } else { by * self.position_step_m };
-        Some(self.in_noise(place, part, |signal| {
-            let rows = SIGNALS[signal].2(&data.measured).len();
-            vec![if signal == shifted { -by } else { 0.0 }; rows]
-        }))
     }
 
     /// Whether what a model leaves with one zero for all runs is that they have none in common: a zero for each makes up for it, beside that

@@ -1,0 +1,122 @@
+//! What base parameters that are of a sensor alone change of a run: they move nothing, and nothing is simulated anew.
+//!
+//! ```text
+//!   r = W (measured - gain simulated - zero)     ∂r / ∂zero = -W 1     ∂r / ∂(ln gain) = -W gain simulated = r - W measured
+//! ```
+//!
+//! Invariant: a column is what two simulations would differ by, to first order.
+
+use super::forward::DEFLECTION;
+use super::problem::{Part, Problem, Residual, SIGNALS};
+
+impl Problem<'_> {
+    /// What of a run changes where the zero of a signal is simulated so much higher; nothing where a zero of its own may make up for that,
+    /// or for some of it.
+    pub(super) fn shifted(&self, place: usize, (shifted, by): (usize, f64), part: Part) -> Option<Residual> {
+        if shifted == DEFLECTION && self.zero_reach_m() > 0.0 {
+            return None;
+        }
+        let data = &self.data[place];
+        let by = if shifted == DEFLECTION { by } else { by * self.position_step_m };
+        Some(self.in_noise(place, part, |signal| {
+            let rows = SIGNALS[signal].2(&data.measured).len();
+            vec![if signal == shifted { -by } else { 0.0 }; rows]
+        }))
+    }
+
+    /// What of a run changes where a signal is simulated larger by so small a share; `residual` is what is left of it.
+    pub(super) fn enlarged(
+        &self,
+        place: usize,
+        (enlarged, by): (usize, f64),
+        part: Part,
+        residual: &Residual,
+    ) -> Residual {
+        let measured = |signal: usize| {
+            if signal == enlarged {
+                SIGNALS[signal].2(&self.data[place].measured).to_vec()
+            } else {
+                Vec::new()
+            }
+        };
+        let of = |(measured, left): (Vec<f64>, &Vec<f64>)| {
+            let less = |(left, measured)| by * (left - measured);
+            if measured.is_empty() {
+                vec![0.0; left.len()]
+            } else {
+                left.iter().zip(measured).map(less).collect()
+            }
+        };
+        self.in_noise(place, part, measured).into_iter().zip(residual).map(of).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use super::super::floor::Noise;
+    use super::super::forward::{Course, Signals};
+    use super::super::model::Model;
+    use super::super::problem::AxisData;
+    use super::super::runs::{AxisRun, Run};
+    use super::super::twin::BASE;
+    use super::*;
+    use crate::base::axis::AxisId;
+    use crate::config;
+
+    #[test]
+    fn what_a_sensor_shows_otherwise_is_what_two_simulations_differ_by() {
+        let machine = config::load("paper").expect("a machine");
+        let (rows, period_s) = (3_000, 5e-4);
+        let place_m = |row: usize| 0.01 * (1.0 - (row as f64 * period_s * 4.0).cos());
+        let axis = AxisRun {
+            setpoint_m: (0..rows).map(place_m).collect(),
+            position_m: (0..rows).map(|row| place_m(row.saturating_sub(200))).collect(),
+            table_m: Some((0..rows).map(|row| place_m(row.saturating_sub(201))).collect()),
+            current_a: (0..rows).map(|row| 8.0 * (row as f64 * period_s * 4.0).sin()).collect(),
+        };
+        let measured = Signals::measured(&axis);
+        let axes = BTreeMap::from([(AxisId::X, axis)]);
+        let run = Run { name: "swing".to_owned(), start_s: 0.0, period_s, axes, is_sound: vec![true; rows] };
+        let data = AxisData {
+            run: 0,
+            from: 0,
+            course: Course::new(&run, &machine, AxisId::X, 0, 0.0).expect("an axis"),
+            measured,
+            loudness: Default::default(),
+            bend: Default::default(),
+            fit: (0..rows).map(|row| row >= 800).collect(),
+            held: vec![false; rows],
+            first_pass: rows,
+            command: 0,
+        };
+        let noise = |left: f64| {
+            let memory = vec![0.6, 0.1];
+            Some(Noise { rms: left, is_from_repeats: true, memory, left, usual: 1.0, lines: Vec::new() })
+        };
+        let noises = [noise(2e-7), noise(1e-7), noise(0.05)];
+        let problem = Problem::new(&machine, AxisId::X, 0, vec![data], noises).written_in(1e-6);
+        let model = Model::new(machine.axes[AxisId::X].plant);
+        let here = problem.residual(0, &model, Part::Fit);
+        for (coordinate, base) in BASE.iter().enumerate() {
+            let column = match (base.zero_of, base.scale_of) {
+                (Some(of), _) => problem.shifted(0, (of, base.prior), Part::Fit).expect("one zero"),
+                (None, Some(of)) => problem.enlarged(0, (of, base.prior), Part::Fit, &here),
+                (None, None) => continue,
+            };
+            const STEP: f64 = 1e-5;
+            let mut at = model.coordinates();
+            at[coordinate] += STEP;
+            let there = problem.residual(0, &model.at(&at), Part::Fit);
+            let largest = column.iter().flatten().fold(0.0, |most: f64, value| most.max(value.abs()));
+            assert!(largest > 0.01, "{} moves nothing", base.name);
+            for ((column, here), there) in
+                column.iter().flatten().zip(here.iter().flatten()).zip(there.iter().flatten())
+            {
+                let differs = (there - here) / STEP;
+                assert!((column - differs).abs() < 1e-4 * largest, "{}: {column} for {differs}", base.name);
+            }
+        }
+    }
+}
