@@ -321,6 +321,18 @@ impl Fitted {
         self.deviations(at) > deviations
     }
 
+    /// With the twin of its last effect in that one's place, if it has one, as far as its period is sure.
+    pub(super) fn with_last_as_its_twin(&self) -> Option<Model> {
+        let last = self.model.effects.len().checked_sub(1)?;
+        let entry = self.model.effects[last].entry;
+        let of = entry.parameters.iter().position(|parameter| parameter.key == "period-mm");
+        let sigma_mm = of.map_or(0.0, |of| {
+            let at = self.model.first_coordinate(last) + of;
+            self.covariance[(at, at)].sqrt() * entry.parameters[of].prior
+        });
+        self.model.with_last_as_its_twin(INTERVAL * sigma_mm / (1e3 * self.model.nominal.mechanics.lead_m))
+    }
+
     /// The same with its effects in another order: their places as they were.
     #[must_use]
     pub fn in_order(&self, places: &[usize]) -> Self {

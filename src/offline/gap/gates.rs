@@ -267,7 +267,7 @@ pub(super) fn judged(
     let held = blocks.cost();
     let added = fitted.model.effects.len() - 1;
     let entry = fitted.model.effects[added].entry;
-    let parameters = entry.parameters.len();
+    let parameters = entry.numbers();
     let scale = scale(fitted.cost, rows[0]);
     let held_scale = self::scale(held, rows[1]);
     let fall = (without.total - fitted.total) / scale - parameters as f64 * (rows[0] as f64).ln();

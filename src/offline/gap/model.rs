@@ -88,18 +88,19 @@ impl Model {
 
     /// The same with what a table scale cannot tell from its last effect in that one's place: an encoder that swings once a turn and a
     /// screw that does, the other way round, for loops follow their encoder. Nothing where there is none, or it is there beside it.
-    pub fn with_last_as_its_twin(&self) -> Option<Self> {
-        let twin = self.twin_of(self.effects.last()?)?;
+    /// A period is that of a turn where it is so near to it, as a share, or nearer than any two of them are told apart.
+    pub fn with_last_as_its_twin(&self, within: f64) -> Option<Self> {
+        let twin = self.twin_of(self.effects.last()?, within.max(ONCE_A_TURN))?;
         let is_there = self.effects.iter().any(|tried| tried.entry.name == twin.entry.name);
         (!is_there).then(|| self.without(self.effects.len() - 1).with(twin))
     }
 
-    fn twin_of(&self, tried: &Tried) -> Option<Tried> {
+    fn twin_of(&self, tried: &Tried, within: f64) -> Option<Tried> {
         let lead_mm = 1e3 * self.nominal.mechanics.lead_m;
         let [size, second, third] = tried.values;
         let (name, values) = match tried.entry.name {
             "encoder-eccentricity" => ("pitch-error", [size, lead_mm, wrapped(second + 180.0)]),
-            "pitch-error" if (second / lead_mm - 1.0).abs() < ONCE_A_TURN => {
+            "pitch-error" if (second / lead_mm - 1.0).abs() < within => {
                 ("encoder-eccentricity", [size, wrapped(third + 180.0), 0.0])
             }
             _ => return None,
@@ -111,7 +112,8 @@ impl Model {
     pub(super) fn has_twin_of(&self, tried: &Tried) -> bool {
         // A pitch error of another period is no twin, and has none.
         let is_twin = |twin: Tried| twin.entry.name == tried.entry.name;
-        self.twin_of(tried).is_some() && self.effects.iter().any(|own| self.twin_of(own).is_some_and(is_twin))
+        let twin_of = |tried: &Tried| self.twin_of(tried, ONCE_A_TURN);
+        twin_of(tried).is_some() && self.effects.iter().any(|own| twin_of(own).is_some_and(is_twin))
     }
 
     /// What it is simulated with.
@@ -133,6 +135,11 @@ impl Model {
     /// How many coordinates are fitted.
     pub fn coordinate_count(&self) -> usize {
         BASE.len() + self.effects.iter().map(|tried| tried.entry.parameters.len()).sum::<usize>()
+    }
+
+    /// How many of them say something of their own: what the base may stand for says nothing.
+    pub fn numbers(&self) -> usize {
+        BASE.len() + self.effects.iter().map(|tried| tried.entry.numbers()).sum::<usize>()
     }
 
     /// The first coordinate of the effect of a place in the list.
@@ -258,13 +265,17 @@ mod tests {
     fn a_swing_of_once_a_turn_is_that_of_the_encoder_or_of_the_screw() {
         let of = |name: &str, values| {
             let tried = Tried { entry: entry(name).expect("an effect"), values };
-            let twin = Model::new(paper_axis()).with(tried).with_last_as_its_twin()?;
+            let twin = Model::new(paper_axis()).with(tried).with_last_as_its_twin(0.0)?;
             Some((twin.effects[0].entry.name, twin.effects[0].values))
         };
         let screw = ("pitch-error", [2.0, 10.0, -140.0]);
         assert_eq!(of("encoder-eccentricity", [2.0, 40.0, 0.0]), Some(screw));
         assert_eq!(of("pitch-error", screw.1), Some(("encoder-eccentricity", [2.0, 40.0, 0.0])));
         assert_eq!(of("pitch-error", [2.0, 10.2, 0.0]), None, "a period of its own");
+        let near = Tried { entry: entry("pitch-error").expect("an effect"), values: [2.0, 10.2, 0.0] };
+        let near = Model::new(paper_axis()).with(near);
+        assert!(near.with_last_as_its_twin(0.01).is_none());
+        assert!(near.with_last_as_its_twin(0.03).is_some(), "a period that is no surer than that");
         assert_eq!(of("backlash", [2.0, 0.0, 0.0]), None);
         let beside = |values, name: &str, other: [f64; 3]| {
             let [own, other] = [("pitch-error", values), (name, other)]
@@ -278,7 +289,7 @@ mod tests {
         let beside = both.iter().fold(Model::new(paper_axis()), |model, entry| {
             model.with(Tried { entry, values: [1.0, 60.0, 0.0] })
         });
-        assert!(beside.with_last_as_its_twin().is_none(), "it has that one already");
+        assert!(beside.with_last_as_its_twin(0.0).is_none(), "it has that one already");
     }
 
     #[test]

@@ -207,7 +207,7 @@ pub fn name<'m>(
         let (best_name, margin) = (best.name(), margin(best.evidence));
         let rows = problem.count(Part::Fit);
         // What says no more with more numbers is no other explanation.
-        let count = |candidate: &Candidate| candidate.fitted.model.coordinate_count();
+        let count = |candidate: &Candidate| candidate.fitted.model.numbers();
         let (least, most) = (best.evidence - margin, count(best));
         let doubted = best.evidence - price_of_a_number(best.fitted.cost, rows);
         let best_model = best.fitted.model.clone();
@@ -219,7 +219,7 @@ pub fn name<'m>(
             is_near || is_less || candidate.evidence > roughly || is_alias(best_name, candidate.name())
         });
         // Its twin may have been left behind on the way; what holds for one holds for both.
-        let twin = near[0].fitted.model.with_last_as_its_twin().filter(|_| problem.has_table());
+        let twin = near[0].fitted.with_last_as_its_twin().filter(|_| problem.has_table());
         let is_there = |twin: &Model| near.iter().any(|one| Some(one.name()) == gates::last_of(twin));
         if let Some(twin) = twin.filter(|twin| !is_there(twin)) {
             let fitted = fit(search, &twin, Effort::Coarse(ITERATIONS[1]), None);
@@ -361,7 +361,7 @@ fn screened(once: &Problem<'_>, here: &Linear, listed: &[Scored]) -> [Vec<Model>
     let without = here.cost() + believed(&here.model);
     let rows = once.count(Part::Fit);
     let explained = |fitted: &Fitted| {
-        let parameters = fitted.model.coordinate_count() - here.model.coordinate_count();
+        let parameters = fitted.model.numbers() - here.model.numbers();
         (without - fitted.total) / scale(fitted.cost, rows) - parameters as f64 * (rows.max(1) as f64).ln()
     };
     let best = |all: &[Fitted]| all.iter().map(explained).fold(0.0, f64::max);

@@ -31,8 +31,7 @@ pub(super) fn price_of_a_number(cost: f64, rows: usize) -> f64 {
 
 /// Whether the last effect of a model is that of another with a number less.
 pub(super) fn is_with_less(model: &Model, other: &Model) -> bool {
-    let of_other =
-        other.with_last_as_alike().filter(|less| less.coordinate_count() < other.coordinate_count());
+    let of_other = other.with_last_as_alike().filter(|less| less.numbers() < other.numbers());
     of_other.is_some_and(|less| last_of(&less) == last_of(model))
 }
 
@@ -78,7 +77,7 @@ impl Near {
         let mut ends: Vec<(Candidate, Fitted)> = near.into_iter().zip(ends).collect();
         let deepest = ends.iter().min_by(|a, b| a.1.total.total_cmp(&b.1.total)).expect("an end");
         let scale = scale(deepest.1.cost, rows);
-        let numbers = |end: &Fitted| end.model.coordinate_count();
+        let numbers = |end: &Fitted| end.model.numbers();
         let price = |end: &Fitted| end.total / scale + numbers(end) as f64 * (rows.max(1) as f64).ln();
         ends.sort_by(|a, b| price(&a.1).total_cmp(&price(&b.1)));
         let doubted = price(&ends[0].1) + price_of_a_number(ends[0].1.cost, rows);
@@ -160,6 +159,9 @@ mod tests {
         // What is left beyond noise may be what wants the further numbers.
         assert_eq!(class(&[("backlash", 13_000.0), ("soft-zone", 12_900.0)]), ["backlash", "soft-zone"]);
         assert_eq!(class(&[("backlash", 15_000.0), ("soft-zone", 12_900.0)]), ["soft-zone"]);
+        // A gain of the velocity loop is one that the base has as well.
+        let gains = class(&[("command-filter", 10_000.0), ("servo-gain-mismatch", 9_999.0)]);
+        assert_eq!(gains, ["servo-gain-mismatch", "command-filter"]);
         // What no data tell apart stays together, whatever it takes to say it.
         let twins = class(&[("encoder-eccentricity", 10_000.0), ("pitch-error", 10_000.0)]);
         assert_eq!(twins, ["encoder-eccentricity", "pitch-error"]);

@@ -276,6 +276,11 @@ impl Entry {
         (0..self.parameters.len()).filter(|place| self.is_amplitude(*place))
     }
 
+    /// How many of its parameters say something that no base parameters stand for.
+    pub fn numbers(&self) -> usize {
+        self.parameters.iter().filter(|parameter| !parameter.is_of_base).count()
+    }
+
     /// Whether a parameter is one.
     pub const fn is_amplitude(&self, place: usize) -> bool {
         place == 0 || self.parameters[place].is_amplitude
