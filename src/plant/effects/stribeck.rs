@@ -19,7 +19,7 @@ pub(super) const ENTRY: Entry = Entry {
     parameters: &[
         Parameter::new("extra-n", "N", [0.0, 1e5], 100.0, 100.0),
         Parameter::new("velocity-mm-per-s", "mm/s", [0.05, 200.0], 5.0, 5.0),
-        Parameter::new("exponent", "", [0.5, 4.0], 2.0, 1.0),
+        Parameter::new("exponent", "", [1.0, 4.0], 2.0, 1.0),
     ],
     coordinate: Coordinate::Velocity,
     experiment: Experiment::Sweep,
