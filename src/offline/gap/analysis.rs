@@ -11,7 +11,7 @@ use super::behind::{self, Behind};
 use super::bursts::bursts;
 use super::consequence::{Consequence, consequence};
 use super::contour::{Contour, contours};
-use super::controller::{Match, OTHER, by_the_current, explained, left_of};
+use super::controller::{Match, OTHER, by_the_current, explained, left_of, resting_a};
 use super::counts;
 use super::floor::{self, Noise};
 use super::forward::{Course, Signals};
@@ -268,7 +268,7 @@ pub fn problem_of<'m>(
         let has = measured.iter().flatten().any(|signals| !pick(signals).is_empty());
         if has { floor::noise(repeats, runs, &measured, pick, least[signal]) } else { None }
     });
-    let mut data = data(machine, runs, repeats, id, phases);
+    let mut data = data(machine, runs, repeats, (id, gain_set), phases);
     for (signal, noise) in noises.iter().enumerate() {
         let Some(noise) = noise else { continue };
         let loudness = floor::loudness(repeats, runs, id, &measured, SIGNALS[signal].2, noise);
@@ -310,7 +310,13 @@ fn loops(
 }
 
 /// The runs of an axis, with the rows that judge.
-fn data(machine: &Machine, runs: &[Run], repeats: &[Repeat], id: AxisId, phases: &[usize]) -> Vec<AxisData> {
+fn data(
+    machine: &Machine,
+    runs: &[Run],
+    repeats: &[Repeat],
+    (id, gain_set): (AxisId, u8),
+    phases: &[usize],
+) -> Vec<AxisData> {
     let groups = groups(runs, repeats);
     let held_groups = held_groups(runs, &groups);
     let origin_s = runs.iter().map(|run| run.start_s).fold(f64::INFINITY, f64::min);
@@ -327,6 +333,7 @@ fn data(machine: &Machine, runs: &[Run], repeats: &[Repeat], id: AxisId, phases:
         else {
             continue;
         };
+        let course = course.resting_at(resting_a(machine, id, gain_set, &part, phase));
         let counts = Problem::counting(&part, floor::ORDER);
         let rows = part.len();
         let is_held = |row: usize| match &held_groups {

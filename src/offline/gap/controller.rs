@@ -7,7 +7,7 @@ use std::collections::VecDeque;
 
 use rayon::prelude::*;
 
-use super::forward::{SETTLE_S, setpoints};
+use super::forward::{SETTLE_S, resting, setpoints};
 use super::runs::{AxisRun, Run};
 use super::sparse::{between, cycles};
 use crate::base::axis::AxisId;
@@ -28,6 +28,9 @@ const LAGS: [f64; 7] = [0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 5.0];
 /// Loops that leave less of the current than this are those of the file; others must leave this share of what they leave.
 const WELL: f64 = 0.1;
 pub(super) const OTHER: f64 = 0.5;
+
+/// So many rows the loops need to forget the noise of that in which they took over, and as many tell what they begin with.
+const FIRST: usize = 16;
 
 /// What the loops ask for along measured positions, behind the way of a command to the drive and the lag of the current
 /// loop, A.
@@ -84,6 +87,23 @@ fn replayed(
             shown_a
         })
         .collect()
+}
+
+/// The current of an axis at the first row of a run, A, where it rests long enough to tell it better than a few rows do: a single one has
+/// noise, and is what its screw is wound up by. While it rests the loops change it by what they make of the positions.
+pub(super) fn resting_a(machine: &Machine, id: AxisId, gain_set: u8, run: &Run, phase: usize) -> Option<f64> {
+    let (axis, cycles) = (run.axes.get(&id)?, cycles(run, machine));
+    let rest = resting(axis);
+    if rest < 4 * FIRST {
+        return None;
+    }
+    let seen = axis.by_columns(|column| between(&column[..rest], cycles));
+    let setpoints = setpoints(&seen.setpoint_m, run.period_s / cycles as f64);
+    let loops = (gain_set, machine.axes[id].velocity_estimate);
+    let asked_a = replayed(machine, id, loops, (&seen, &setpoints), phase);
+    let asked_a: Vec<f64> = asked_a.into_iter().step_by(cycles).skip(FIRST).collect();
+    let mean = |column: &[f64]| column.iter().sum::<f64>() / column.len() as f64;
+    Some(mean(&axis.current_a[FIRST..rest]) - mean(&asked_a) + mean(&asked_a[..FIRST]))
 }
 
 /// How well loops explain the current of an axis.

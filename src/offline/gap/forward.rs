@@ -95,16 +95,25 @@ impl Course {
             (axis.position_m[first - 1] - axis.position_m[0]) / ((first - 1).max(1) as f64 * run.period_s);
         let is_at_rest =
             setpoints[0].velocity.as_m_per_s().abs() < AT_REST_M_PER_S.0 && moved.abs() < AT_REST_M_PER_S.1;
-        let is_still = |row: &usize| (axis.setpoint_m[*row] - axis.setpoint_m[0]).abs() <= STILL_M;
-        let held = if is_at_rest { (0..first).take_while(is_still).count() } else { first };
-        let mean_a = axis.current_a[..held].iter().sum::<f64>() / held as f64;
+        let held = if is_at_rest { resting(axis).min(first) } else { first };
+        let mean = |column: &[f64]| column[..held].iter().sum::<f64>() / held as f64;
+        let mean_a = mean(&axis.current_a);
         let start = Start {
-            position: Position::m(axis.position_m[0]),
+            position: Position::m(if is_at_rest { mean(&axis.position_m) } else { axis.position_m[0] }),
             velocity: Velocity::m_per_s(if is_at_rest { 0.0 } else { moved }),
             current: Current::a(mean_a),
             time: Span::s(run.start_s - origin_s),
         };
         Some(Self { setpoints, cycles, start, phase, has_table: axis.table_m.is_some(), next })
+    }
+
+    /// The same with another current at its start, A, if it begins at rest.
+    #[must_use]
+    pub fn resting_at(mut self, current_a: Option<f64>) -> Self {
+        if self.start.velocity == Velocity::ZERO {
+            self.start.current = current_a.map_or(self.start.current, Current::a);
+        }
+        self
     }
 
     /// Its first rows.
@@ -169,6 +178,14 @@ impl Course {
         }
         signals
     }
+}
+
+/// Rows at the start of a run in which the setpoint of an axis stands.
+pub fn resting(axis: &AxisRun) -> usize {
+    axis.setpoint_m
+        .iter()
+        .take_while(|setpoint_m| (**setpoint_m - axis.setpoint_m[0]).abs() <= STILL_M)
+        .count()
 }
 
 /// Setpoints that are so far apart, with velocity and acceleration as the differences of both neighbours show them.

@@ -278,9 +278,10 @@ impl<'m> Problem<'m> {
         let every = self.machine.cycle.position_every;
         let twin = model.twin();
         let position_zero_m = twin.position_zero_steps * self.position_step_m;
+        let table_zero_m = twin.table_zero_m + twin.pushed_apart_m();
         let mut signals = self.data[place].course.run(&self.axis, every, self.gain_set, &twin.plant);
         signals.current_a.iter_mut().for_each(|current_a| *current_a *= twin.current_gain);
-        signals.deflection_m.iter_mut().for_each(|deflection_m| *deflection_m += twin.table_zero_m);
+        signals.deflection_m.iter_mut().for_each(|deflection_m| *deflection_m += table_zero_m);
         signals.following_error_m.iter_mut().for_each(|error_m| *error_m += position_zero_m);
         signals
     }

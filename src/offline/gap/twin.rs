@@ -16,7 +16,7 @@ pub struct Twin {
     pub plant: Parameters,
     /// Current that is shown per current that flows.
     pub current_gain: f64,
-    /// What a table scale makes of no deflection, m.
+    /// What a table scale makes of no deflection but that by a force that is always there, m: where it is half way between both ways.
     pub table_zero_m: f64,
     /// What a following error is shown too large, in steps in which the position is written down.
     pub position_zero_steps: f64,
@@ -26,6 +26,12 @@ impl Twin {
     /// A plant whose sensors show what there is.
     pub const fn new(plant: Parameters) -> Self {
         Self { plant, current_gain: 1.0, table_zero_m: 0.0, position_zero_steps: 0.0 }
+    }
+
+    /// How far the force that is always there keeps the table before the motor, m. Only rows at rest tell that from a zero; with both in one
+    /// number neither waits for the other, which a zero that may be anywhere within a count makes up for.
+    pub(super) fn pushed_apart_m(&self) -> f64 {
+        self.plant.effects.push_n() / self.plant.mechanics.stiffness_n_per_m
     }
 }
 

@@ -358,7 +358,7 @@ impl Effects {
     }
 
     /// Force on the table that is always the same, N.
-    pub(in crate::plant) fn push_n(&self) -> f64 {
+    pub fn push_n(&self) -> f64 {
         let of = |(entry, values): (&Entry, &Values)| match entry.action {
             Action::Push(push_n) => push_n(values),
             _ => 0.0,
