@@ -233,3 +233,44 @@ fn matches(machine: &Machine, id: AxisId, run: &Run, velocity_estimate: Velocity
     all.sort_by(|a, b| a.left_share.total_cmp(&b.left_share));
     all
 }
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use rand::SeedableRng;
+    use rand_distr::{Distribution, StandardNormal};
+    use rand_pcg::Pcg64Mcg;
+
+    use super::*;
+    use crate::config;
+
+    #[test]
+    fn an_axis_that_rests_tells_its_current_by_all_of_its_rest_though_its_loops_change_it() {
+        const REST: usize = 700;
+        const NOISE_A: f64 = 0.2;
+        let machine = config::load("paper").expect("a machine");
+        let mut random = Pcg64Mcg::seed_from_u64(5);
+        let mut drawn = || -> f64 { StandardNormal.sample(&mut random) };
+        // A micrometre behind, so that the integral goes on; then it moves.
+        let setpoint_m: Vec<f64> =
+            (0..REST + 100).map(|row| 1e-6 * row.saturating_sub(REST - 1) as f64).collect();
+        let rows = setpoint_m.len();
+        let resting =
+            AxisRun { position_m: vec![-1e-6; rows], table_m: None, current_a: vec![1.5; rows], setpoint_m };
+        let loops = (0, machine.axes[AxisId::X].velocity_estimate);
+        let courses = setpoints(&resting.setpoint_m, 5e-4);
+        let asked_a = replayed(&machine, AxisId::X, loops, (&resting, &courses), 0);
+        let gone_on_a = asked_a[REST - 2] - asked_a[FIRST];
+        assert!(gone_on_a.abs() > 0.05, "they went on by {gone_on_a} A");
+        let current_a = asked_a.iter().map(|asked_a| asked_a + NOISE_A * drawn()).collect();
+        let axes = BTreeMap::from([(AxisId::X, AxisRun { current_a, ..resting })]);
+        let run =
+            Run { name: "rest".to_owned(), start_s: 0.0, period_s: 5e-4, axes, is_sound: vec![true; rows] };
+        let told_a = resting_a(&machine, AxisId::X, 0, &run, 0).expect("a rest");
+        assert!((told_a - 1.5).abs() < 0.02, "{told_a} A");
+        let short = run.axes[&AxisId::X].by_columns(|column| column[REST - 20..].to_vec());
+        let short = Run { axes: BTreeMap::from([(AxisId::X, short)]), is_sound: vec![true; 120], ..run };
+        assert_eq!(resting_a(&machine, AxisId::X, 0, &short, 0), None, "it hardly rests");
+    }
+}

@@ -57,17 +57,17 @@ mod tests {
 
     use super::super::floor::Noise;
     use super::super::forward::{Course, Signals};
-    use super::super::model::Model;
+    use super::super::model::{Model, Tried};
     use super::super::problem::AxisData;
     use super::super::runs::{AxisRun, Run};
     use super::super::twin::BASE;
     use super::*;
     use crate::base::axis::AxisId;
-    use crate::config;
+    use crate::config::{self, Machine};
+    use crate::plant::effects::entry;
 
-    #[test]
-    fn what_a_sensor_shows_otherwise_is_what_two_simulations_differ_by() {
-        let machine = config::load("paper").expect("a machine");
+    /// Axis x of a machine on its way there and back, hardly as it would go.
+    fn problem(machine: &Machine) -> Problem<'_> {
         let (rows, period_s) = (3_000, 5e-4);
         let place_m = |row: usize| 0.01 * (1.0 - (row as f64 * period_s * 4.0).cos());
         let axis = AxisRun {
@@ -82,7 +82,7 @@ mod tests {
         let data = AxisData {
             run: 0,
             from: 0,
-            course: Course::new(&run, &machine, AxisId::X, 0, 0.0).expect("an axis"),
+            course: Course::new(&run, machine, AxisId::X, 0, 0.0).expect("an axis"),
             measured,
             loudness: Default::default(),
             bend: Default::default(),
@@ -96,7 +96,13 @@ mod tests {
             Some(Noise { rms: left, is_from_repeats: true, memory, left, usual: 1.0, lines: Vec::new() })
         };
         let noises = [noise(2e-7), noise(1e-7), noise(0.05)];
-        let problem = Problem::new(&machine, AxisId::X, 0, vec![data], noises).written_in(1e-6);
+        Problem::new(machine, AxisId::X, 0, vec![data], noises).written_in(1e-6)
+    }
+
+    #[test]
+    fn what_a_sensor_shows_otherwise_is_what_two_simulations_differ_by() {
+        let machine = config::load("paper").expect("a machine");
+        let problem = problem(&machine);
         let model = Model::new(machine.axes[AxisId::X].plant);
         let here = problem.residual(0, &model, Part::Fit);
         for (coordinate, base) in BASE.iter().enumerate() {
@@ -117,6 +123,24 @@ mod tests {
                 let differs = (there - here) / STEP;
                 assert!((column - differs).abs() < 1e-4 * largest, "{}: {column} for {differs}", base.name);
             }
+        }
+    }
+
+    #[test]
+    fn a_force_that_is_always_there_moves_no_zero() {
+        let machine = config::load("paper").expect("a machine");
+        let problem = problem(&machine);
+        let model = Model::new(machine.axes[AxisId::X].plant);
+        let tried = Tried { entry: entry("constant-force").expect("an effect"), values: [60.0, 0.0, 0.0] };
+        let [without, pushed] = [&model, &model.with(tried)].map(|model| problem.simulated(0, model));
+        // 60 N are 0.4 um of a screw of 151 N/um, on the way there and on the way back.
+        for rows in [1_000..1_300, 2_000..2_300] {
+            let apart = |row: usize| pushed.deflection_m[row] - without.deflection_m[row];
+            let mean_um = 1e6 * rows.clone().map(apart).sum::<f64>() / rows.len() as f64;
+            assert!(mean_um.abs() < 0.02, "{mean_um} um at rows {rows:?}");
+            let more = |row: usize| pushed.current_a[row] - without.current_a[row];
+            let mean_a = rows.clone().map(more).sum::<f64>() / rows.len() as f64;
+            assert!((-0.2..-0.05).contains(&mean_a), "{mean_a} A at rows {rows:?}");
         }
     }
 }
