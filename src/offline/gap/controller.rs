@@ -89,6 +89,13 @@ fn replayed(
         .collect()
 }
 
+/// What the loops saw of the first rows of an axis, between two of them as well, and what it was asked for.
+fn seen(run: &Run, axis: &AxisRun, rows: usize, cycles: usize) -> (AxisRun, Vec<Setpoint>) {
+    let seen = axis.by_columns(|column| between(&column[..rows], cycles));
+    let setpoints = setpoints(&seen.setpoint_m, run.period_s / cycles as f64);
+    (seen, setpoints)
+}
+
 /// The current of an axis at the first row of a run, A, where it rests long enough to tell it better than a few rows do: a single one has
 /// noise, and is what its screw is wound up by. While it rests the loops change it by what they make of the positions.
 pub(super) fn resting_a(machine: &Machine, id: AxisId, gain_set: u8, run: &Run, phase: usize) -> Option<f64> {
@@ -97,8 +104,7 @@ pub(super) fn resting_a(machine: &Machine, id: AxisId, gain_set: u8, run: &Run, 
     if rest < 4 * FIRST {
         return None;
     }
-    let seen = axis.by_columns(|column| between(&column[..rest], cycles));
-    let setpoints = setpoints(&seen.setpoint_m, run.period_s / cycles as f64);
+    let (seen, setpoints) = seen(run, axis, rest, cycles);
     let loops = (gain_set, machine.axes[id].velocity_estimate);
     let asked_a = replayed(machine, id, loops, (&seen, &setpoints), phase);
     let asked_a: Vec<f64> = asked_a.into_iter().step_by(cycles).skip(FIRST).collect();
@@ -208,9 +214,7 @@ pub(super) fn left_of(all: &[Vec<Match>], set: u8) -> f64 {
 fn matches(machine: &Machine, id: AxisId, run: &Run, velocity_estimate: VelocityEstimate) -> Vec<Match> {
     let Some(axis) = run.axes.get(&id) else { return Vec::new() };
     let cycles = cycles(run, machine);
-    // What the loops saw between two rows.
-    let seen = axis.by_columns(|column| between(column, cycles));
-    let setpoints = setpoints(&seen.setpoint_m, run.period_s / cycles as f64);
+    let (seen, setpoints) = seen(run, axis, run.len(), cycles);
     let mut all = Vec::new();
     for gain_set in 0..machine.gain_sets.len() {
         for phase in 0..machine.cycle.position_every as usize {
