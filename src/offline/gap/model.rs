@@ -6,6 +6,7 @@
 //! machine usually is from its file.
 //! Invariant: coordinates make a plant that `config` would accept.
 
+use super::forward::DEFLECTION;
 use super::twin::{BASE, Base, Twin};
 use crate::plant::Parameters;
 use crate::plant::effects::{Entry, Parameter, VALUES_MAX, Values, entry};
@@ -161,6 +162,13 @@ impl Model {
     pub(super) fn constant_force(&self) -> Option<usize> {
         let place = self.effects.iter().position(|tried| tried.entry.name == "constant-force")?;
         Some(self.first_coordinate(place))
+    }
+
+    /// The coordinate of the zero of the table scale, and how much of it one metre is.
+    pub(super) fn table_zero() -> (usize, f64) {
+        let of_table = |base: &Base| base.zero_of == Some(DEFLECTION);
+        let at = BASE.iter().position(of_table).expect("a zero of the table scale");
+        (at, BASE[at].prior.recip())
     }
 
     /// Whether a coordinate moves anything: a share of what the file says is nothing does not.

@@ -190,15 +190,21 @@ fn of_the_spring(mut fitted: Fitted) -> Fitted {
     let [at, force] = [spring, constant].map(|place| fitted.model.first_coordinate(place));
     let [of_spring, of_force] = [spring, constant].map(|place| fitted.model.effects[place].entry.parameters);
     let [n_per_mm, neutral_mm] = [0, 1].map(|of| fitted.model.effects[spring].values[of]);
+    let apart_m = fitted.model.twin().pushed_apart_m();
     let force_n = std::mem::take(&mut fitted.model.effects[constant].values[0]);
     if n_per_mm == 0.0 || force_n == 0.0 {
         return fitted;
     }
+    // What a force that is always there moves without the zero of the table, a spring moves with it.
+    let (zero, per_m) = Model::table_zero();
+    let moved = per_m * (apart_m - fitted.model.twin().pushed_apart_m());
+    fitted.model.base[zero] += moved;
     let moved_mm = neutral_with_force_mm([n_per_mm, neutral_mm], force_n);
     fitted.model.effects[spring].values[1] = moved_mm;
     // How the neutral point moves with force and stiffness, in coordinates.
     let mut moves = DMatrix::identity(fitted.covariance.nrows(), fitted.covariance.ncols());
     let per_mm = 1.0 / of_spring[1].prior;
+    moves[(zero, force)] = moved / (force_n / of_force[0].prior);
     moves[(at + 1, force)] = of_force[0].prior / n_per_mm * per_mm;
     moves[(at + 1, at)] = -force_n / n_per_mm.powi(2) * of_spring[0].prior * per_mm;
     fitted.covariance = &moves * &fitted.covariance * moves.transpose();
@@ -295,7 +301,14 @@ mod tests {
         covariance[(spring + 1, force)] = against;
         covariance[(spring + 1, spring + 1)] =
             (alone_n / 1.2 / prior_mm).powi(2) + (sum_n / 1.2 / prior_mm).powi(2);
+        let zero_um = |model: &Model| {
+            let twin = model.twin();
+            1e6 * (twin.table_zero_m + twin.pushed_apart_m())
+        };
+        let before_um = zero_um(&model);
+        assert!(before_um < -0.5, "{before_um} um");
         let fitted = of_the_spring(Fitted { model, cost: 1.0, total: 2.0, covariance });
+        assert!((zero_um(&fitted.model) - before_um).abs() < 1e-6, "the table scale shows another zero");
         let [of_force, of_spring] = [0, 1].map(|place| fitted.model.effects[place].values);
         assert_eq!(of_force[0], 0.0);
         assert!((of_spring[1] - -1.0).abs() < 1e-9, "{}", of_spring[1]);
