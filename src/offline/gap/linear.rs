@@ -256,6 +256,11 @@ fn column(
     })
 }
 
+/// Sum of products, in which no row waits for the one before it.
+pub(super) fn product(a: &[f64], b: &[f64]) -> f64 {
+    DVectorView::from_slice(a, a.len()).dot(&DVectorView::from_slice(b, b.len()))
+}
+
 /// Normal equations.
 #[derive(Clone, Debug)]
 pub struct Normal {
@@ -304,20 +309,16 @@ impl Normal {
             // Block by block: the rows of all columns stay near at hand.
             for (number, rows) in rows.chunks(block).enumerate() {
                 let weights: Vec<f64> = rows.iter().map(|value| loss.weight(*value)).collect();
-                let of_block = |column: &Option<&'r Residual>| {
-                    let block = &(*column)?[signal][number * block..][..rows.len()];
-                    Some(DVectorView::from_slice(block, block.len()))
-                };
-                let columns: Vec<_> = columns.iter().map(of_block).collect();
-                let rows = DVectorView::from_slice(rows, rows.len());
+                let of_block =
+                    |column: &Option<&'r Residual>| Some(&(*column)?[signal][number * block..][..rows.len()]);
+                let columns: Vec<Option<&[f64]>> = columns.iter().map(of_block).collect();
                 for (i, a) in columns.iter().enumerate() {
                     let Some(a) = a else { continue };
-                    let weighed =
-                        DVector::from_iterator(rows.len(), a.iter().zip(&weights).map(|(a, w)| a * w));
-                    slopes[(i, number)] += weighed.dot(&rows);
+                    let weighed: Vec<f64> = a.iter().zip(&weights).map(|(a, weight)| a * weight).collect();
+                    slopes[(i, number)] += product(&weighed, rows);
                     for (j, b) in columns.iter().enumerate().take(i + 1) {
                         let Some(b) = b else { continue };
-                        sum.curvature[(i, j)] += weighed.dot(b);
+                        sum.curvature[(i, j)] += product(&weighed, b);
                     }
                 }
             }

@@ -15,6 +15,7 @@ use super::forward::{Course, DEFLECTION, SETTLE_S, Signals, without_counts};
 use super::model::Model;
 use super::motions::tells;
 use super::runs::Run;
+use super::straight::Counting;
 use super::twin::BASE;
 use super::zeros::{Zeros, about_zero, to_zero};
 use crate::base::axis::AxisId;
@@ -103,6 +104,8 @@ pub struct Problem<'m> {
     pub gain_set: u8,
     /// Its runs.
     pub data: Arc<Vec<AxisData>>,
+    /// By how much their rows count.
+    counting: Arc<Vec<Counting>>,
     /// Noise of each signal; `None` where it was not measured.
     pub noises: [Option<Noise>; SIGNALS.len()],
     /// Base parameters that the rows say nothing of.
@@ -131,20 +134,21 @@ impl<'m> Problem<'m> {
     ) -> Self {
         let axis = without_counts(&machine.axes[id]);
         let (data, zeros) = about_zero(data);
-        let data = Arc::new(data);
-        Self {
+        let problem = Self {
             machine,
             id,
             axis,
             gain_set,
-            data,
+            data: Arc::default(),
+            counting: Arc::default(),
             noises,
             untold: &[],
             holds_force: false,
             zeros,
             position_step_m: 0.0,
             hidden_m: 0.0,
-        }
+        };
+        problem.with_data(Arc::new(data))
     }
 
     /// The same with each command once: a second pass tells the same again, and takes as long to simulate. No rows of
@@ -219,7 +223,12 @@ impl<'m> Problem<'m> {
     /// The same axis with other data.
     #[must_use]
     pub fn with_data(&self, data: Arc<Vec<AxisData>>) -> Self {
-        Self { data, axis: self.axis, noises: self.noises.clone(), ..*self }
+        let counting = if Arc::ptr_eq(&data, &self.data) {
+            self.counting.clone()
+        } else {
+            Arc::new(Counting::of(&data, self.near()))
+        };
+        Self { data, counting, axis: self.axis, noises: self.noises.clone(), ..*self }
     }
 
     /// The same with rows that say nothing of some base parameters.
@@ -294,7 +303,8 @@ impl<'m> Problem<'m> {
         if let (DEFLECTION, Some(noise)) = (signal, &self.noises[signal])
             && self.zero_reach_m() > 0.0
         {
-            to_zero(&mut left, data, part, [noise.rms, self.zero_reach_m()]);
+            let Counting { deviations, weights, .. } = &self.counting[place];
+            to_zero(&mut left, [deviations, &weights[part as usize]], [noise.rms, self.zero_reach_m()]);
         }
         left
     }
@@ -319,7 +329,7 @@ impl<'m> Problem<'m> {
                 return Some(Vec::new());
             }
             let mut white = noise.whitened(&left);
-            let rows = self.scales(place, signal).zip(data.rows(part));
+            let rows = self.counting[place].scales[signal].iter().zip(data.rows(part));
             for (value, (scale, counts)) in white.iter_mut().zip(rows) {
                 *value = if *counts { *value * scale } else { 0.0 };
             }

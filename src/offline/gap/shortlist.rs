@@ -17,7 +17,7 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 
 use super::fit::share_that_holds;
-use super::linear::{BLOCK_S, K, Linear, LinearRun, Loss};
+use super::linear::{BLOCK_S, K, Linear, LinearRun, Loss, product};
 use super::model::{Model, Tried};
 use super::problem::{Part, Problem, Residual};
 use super::usual::is_usual;
@@ -154,14 +154,15 @@ pub fn shortlist(problem: &Problem<'_>, here: &Linear, peaks: &dyn Fn(&Parameter
     let (known, covariance) = ((curvature.clone(), equations.slope), curvature.inverse());
     let places = problem.places(Part::Fit);
     let block = problem.rows_in(BLOCK_S);
-    let tangents: Vec<DMatrix<f64>> = here
-        .runs
+    let left: Vec<Left> = here.runs.par_iter().map(Left::of).collect();
+    let tangents: Vec<DMatrix<f64>> = left
         .par_iter()
-        .map(|run| slopes(&run.residual, run.columns.iter().map(Option::as_deref), block))
+        .zip(&here.runs)
+        .map(|(left, run)| slopes(&left.pulls, run.columns.iter().map(Option::as_deref), block))
         .collect();
     let tried = trials.par_iter().map(|(entry, values)| {
         let mut sums = Sums::new(model, entry);
-        for (place, run) in places.iter().zip(&here.runs) {
+        for (place, (run, left)) in places.iter().zip(here.runs.iter().zip(&left)) {
             let column = |values: Values| {
                 let mut column = problem.residual(*place, &model.with(Tried { entry, values }), Part::Fit);
                 for (column, residual) in column.iter_mut().zip(&run.residual) {
@@ -170,7 +171,7 @@ pub fn shortlist(problem: &Problem<'_>, here: &Linear, peaks: &dyn Fn(&Parameter
                 column
             };
             let columns: Vec<Residual> = variants(entry, *values).into_iter().map(column).collect();
-            sums.add(run, &columns, block);
+            sums.add(run, left, &columns, block);
         }
         let beyond = sums.beyond(&known.0);
         // The first trial of an effect is at its usual values.
@@ -269,21 +270,21 @@ impl Sums {
         }
     }
 
-    fn add(&mut self, run: &LinearRun, columns: &[Residual], block: usize) {
+    fn add(&mut self, run: &LinearRun, left: &Left, columns: &[Residual], block: usize) {
         for (i, column) in columns.iter().enumerate() {
             let mut weighed = column.clone();
-            for (weighed, residual) in weighed.iter_mut().zip(&run.residual) {
-                weighed.iter_mut().zip(residual).for_each(|(value, left)| *value *= LOSS.weight(*left));
+            for (weighed, weights) in weighed.iter_mut().zip(&left.weights) {
+                weighed.iter_mut().zip(weights).for_each(|(value, weight)| *value *= weight);
             }
-            self.slope[i] += product(&weighed, &run.residual);
+            self.slope[i] += products(&weighed, &run.residual);
             for (j, tangent) in run.columns.iter().enumerate() {
-                self.crossed[(i, j)] += tangent.as_ref().map_or(0.0, |tangent| product(&weighed, tangent));
+                self.crossed[(i, j)] += tangent.as_ref().map_or(0.0, |tangent| products(&weighed, tangent));
             }
             for (j, other) in columns.iter().enumerate() {
-                self.columns[(i, j)] += product(&weighed, other);
+                self.columns[(i, j)] += products(&weighed, other);
             }
         }
-        self.blocks.push(slopes(&run.residual, columns.iter().map(Some), block));
+        self.blocks.push(slopes(&left.pulls, columns.iter().map(Some), block));
     }
 
     fn beyond(&self, curvature: &Cholesky<f64, Dyn>) -> Beyond {
@@ -351,16 +352,31 @@ impl Sums {
     }
 }
 
-/// Products of columns with what is left, as rows count in the end: by column and block of so many rows.
+/// What is left of a run, as all trials ask for it.
+struct Left {
+    /// How much each row weighs here.
+    weights: Residual,
+    /// What is left of it, as it counts in the end.
+    pulls: Residual,
+}
+
+impl Left {
+    fn of(run: &LinearRun) -> Self {
+        let each = |of: fn(&f64) -> f64| -> Residual {
+            run.residual.iter().map(|left| left.iter().map(of).collect()).collect()
+        };
+        Self { weights: each(|left| LOSS.weight(*left)), pulls: each(|left| Loss::LAST.weight(*left) * left) }
+    }
+}
+
+/// Products of columns with what pulls: by column and block of so many rows.
 fn slopes<'r>(
-    residual: &Residual,
+    pulls: &Residual,
     columns: impl ExactSizeIterator<Item = Option<&'r Residual>>,
     block: usize,
 ) -> DMatrix<f64> {
-    let rows = residual.iter().map(Vec::len).max().unwrap_or(0);
+    let rows = pulls.iter().map(Vec::len).max().unwrap_or(0);
     let mut slopes = DMatrix::zeros(columns.len(), rows.div_ceil(block));
-    let pull = |left: &f64| Loss::LAST.weight(*left) * left;
-    let pulls: Vec<Vec<f64>> = residual.iter().map(|left| left.iter().map(pull).collect()).collect();
     for (place, column) in columns.enumerate() {
         for (pulls, column) in pulls.iter().zip(column.into_iter().flatten()) {
             for (number, (pulls, by)) in pulls.chunks(block).zip(column.chunks(block)).enumerate() {
@@ -377,8 +393,8 @@ fn sureness(of: impl Iterator<Item = f64>) -> f64 {
     sum * sum / squares
 }
 
-fn product(a: &Residual, b: &Residual) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>()).sum()
+fn products(a: &Residual, b: &Residual) -> f64 {
+    a.iter().zip(b).map(|(a, b)| product(a, b)).sum()
 }
 
 #[cfg(test)]
@@ -399,7 +415,8 @@ mod tests {
         let mut left = vec![1.0; 6];
         left[4] = 40.0;
         let column = vec![vec![2.0; 6]];
-        let slopes = slopes(&vec![left], [None, Some(&column)].into_iter(), 4);
+        let run = LinearRun { residual: vec![left], columns: Vec::new() };
+        let slopes = slopes(&Left::of(&run).pulls, [None, Some(&column)].into_iter(), 4);
         assert_eq!(slopes.shape(), (2, 2));
         assert_eq!([slopes[(0, 0)], slopes[(1, 0)]], [0.0, 8.0]);
         // Two, and the ten thousandth part of eighty.

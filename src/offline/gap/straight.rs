@@ -19,7 +19,7 @@ use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
 
 use super::floor::Pick;
-use super::forward::Signals;
+use super::forward::{DEFLECTION, Signals};
 use super::linear::{Linear, LinearRun, residuals};
 use super::model::Model;
 use super::problem::{AxisData, Part, Problem, Residual, SIGNALS};
@@ -39,7 +39,41 @@ impl AxisData {
     }
 }
 
+/// By how much rows of a run count: every simulation of it asks.
+#[derive(Debug)]
+pub(super) struct Counting {
+    /// By signal: what whitened values are multiplied with, so that they are as loud as they tell.
+    pub(super) scales: [Vec<f64>; SIGNALS.len()],
+    /// Of the deflection, of which its zero is asked: standard deviation of noise and bend in that of usual noise.
+    pub(super) deviations: Vec<f64>,
+    /// And one over its square, by part: nothing where a row does not count.
+    pub(super) weights: [Vec<f64>; 2],
+}
+
+impl Counting {
+    /// Of the rows of all runs, where so many are near to each other.
+    pub(super) fn of(data: &[AxisData], near: usize) -> Vec<Self> {
+        let weights = |data: &AxisData, part: Part| {
+            let rows = data.powers(DEFLECTION).zip(data.rows(part));
+            rows.map(|([noise, bend], counts)| if *counts { (noise + bend).recip() } else { 0.0 }).collect()
+        };
+        let of = |data: &AxisData| Self {
+            scales: std::array::from_fn(|signal| {
+                data.powers(signal).map(|powers| scale(powers, near)).collect()
+            }),
+            deviations: data.powers(DEFLECTION).map(|[noise, bend]| (noise + bend).sqrt()).collect(),
+            weights: [Part::Fit, Part::Held].map(|part| weights(data, part)),
+        };
+        data.par_iter().map(of).collect()
+    }
+}
+
 impl Problem<'_> {
+    /// How many rows are as bent as one.
+    pub(super) fn near(&self) -> usize {
+        self.rows_in(2.0 * NEAR_S)
+    }
+
     /// How much of each row of a run is not left to chance, as a share of its power.
     pub fn told(&self, place: usize, signal: usize) -> impl Iterator<Item = f64> + '_ {
         self.data[place].powers(signal).map(told)
@@ -47,14 +81,8 @@ impl Problem<'_> {
 
     /// How much each row of a run tells, by that of a row of noise.
     pub(super) fn weights(&self, place: usize, signal: usize) -> impl Iterator<Item = f64> + '_ {
-        let near = self.rows_in(2.0 * NEAR_S);
+        let near = self.near();
         self.data[place].powers(signal).map(move |powers| weight(powers, near))
-    }
-
-    /// What whitened values of each row of a run are multiplied with, so that they are as loud as they tell.
-    pub(super) fn scales(&self, place: usize, signal: usize) -> impl Iterator<Item = f64> + '_ {
-        let near = self.rows_in(2.0 * NEAR_S);
-        self.data[place].powers(signal).map(move |powers| scale(powers, near))
     }
 
     /// Places in [`SIGNALS`] of what a residual is of.
@@ -95,7 +123,7 @@ impl Problem<'_> {
                 })
             })
             .collect();
-        let about = self.rows_in(2.0 * NEAR_S);
+        let about = self.near();
         let of = |place: usize| {
             let here = self.simulated(place, model);
             let sides = pairs.iter().map(|pair| pair.each_ref().map(|model| self.simulated(place, model)));
@@ -132,7 +160,7 @@ impl Linear {
             away[*at] = -std::mem::take(&mut none[*at]);
         }
         let there = residuals(problem, &self.model.at(&none), part);
-        let near = problem.rows_in(2.0 * NEAR_S);
+        let near = problem.near();
         self.runs.par_iter_mut().zip(there).for_each(|(run, there)| run.weigh_by_bend(&there, &away, near));
         self
     }

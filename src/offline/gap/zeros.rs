@@ -12,9 +12,8 @@
 
 use serde::Serialize;
 
-use super::forward::DEFLECTION;
 use super::gates::PLAIN;
-use super::linear::{K, Loss, residuals};
+use super::linear::{K, Loss, product, residuals};
 use super::model::Model;
 use super::problem::{AxisData, Part, Problem};
 use super::refit::coarsely;
@@ -25,8 +24,9 @@ use crate::offline::median::median;
 const APART_M: f64 = 1e-4;
 /// The furthest that two encoders are off together, each by half a count, in what both hide as a standard deviation: the root of six.
 const FURTHEST: f64 = 2.449_489_742_783_178;
-/// Steps from a median to the mean of what is near.
+/// Steps from a median to the mean of what is near; every so many rows tell the median.
 const STEPS: usize = 3;
+const EVERY: usize = 8;
 /// Share of the rows of a run at either end that say nothing of its middle.
 const TENTH: f64 = 0.1;
 /// Zeros that are apart are so much of what is left, or it is something else.
@@ -68,32 +68,31 @@ fn middle(values: &[f64]) -> f64 {
 }
 
 /// Takes off what is left of the deflection of a run where its own zero is, which is no further than `reach_m` from that of all, beside
-/// noise of so much rms. Rows in which a slip comes a moment later say little of where that is.
-pub(super) fn to_zero(left: &mut [f64], data: &AxisData, part: Part, [noise_m, reach_m]: [f64; 2]) {
-    let rows = left.iter().zip(data.rows(part)).zip(data.powers(DEFLECTION));
-    let rows: Vec<[f64; 2]> = rows
-        .filter(|((_, counts), _)| **counts)
-        .map(|((value, _), [noise, bend])| [*value, noise + bend])
-        .collect();
-    if rows.is_empty() {
-        return;
+/// noise of so much rms. Rows have a standard deviation in that, and a weight: those in which a slip comes a moment later say little of
+/// where it is.
+pub(super) fn to_zero(left: &mut [f64], rows: [&[f64]; 2], [noise_m, reach_m]: [f64; 2]) {
+    if let Some(zero_m) = zero(left, rows, K * noise_m) {
+        let zero_m = zero_m.clamp(-reach_m, reach_m);
+        left.iter_mut().for_each(|value| *value -= zero_m);
     }
-    let zero_m = zero(&rows, noise_m).clamp(-reach_m, reach_m);
-    left.iter_mut().for_each(|value| *value -= zero_m);
 }
 
-/// The mean of rows of which each has its power in that of noise; those that are far off count as if they were at the edge of that.
-fn zero(rows: &[[f64; 2]], noise: f64) -> f64 {
-    let weights: f64 = rows.iter().map(|[_, power]| power.recip()).sum();
-    let mut values: Vec<f64> = rows.iter().map(|[value, _]| *value).collect();
+/// The mean of values by their weights; those that are further off than so many of their deviations count as if they were there.
+/// Nothing where none has a weight.
+fn zero(values: &[f64], [deviations, weights]: [&[f64]; 2], edge: f64) -> Option<f64> {
+    let all: f64 = weights.iter().sum();
+    let few = values.iter().zip(weights).filter(|(_, weight)| **weight > 0.0).step_by(EVERY);
+    let begun = median(&mut few.map(|(value, _)| *value).collect::<Vec<f64>>())?;
+    let mut off = vec![0.0; values.len()];
     let nearer = |zero: f64, _| {
-        let off = |[value, power]: &[f64; 2]| {
-            let edge = K * noise * power.sqrt();
-            (value - zero).clamp(-edge, edge) / power
-        };
-        zero + rows.iter().map(off).sum::<f64>() / weights
+        // No branch, and no row waits for the one before it.
+        for ((off, value), deviation) in off.iter_mut().zip(values).zip(deviations) {
+            let furthest = edge * deviation;
+            *off = (value - zero).min(furthest).max(-furthest);
+        }
+        zero + product(&off, weights) / all
     };
-    (0..STEPS).fold(median(&mut values).unwrap_or(0.0), nearer)
+    Some((0..STEPS).fold(begun, nearer))
 }
 
 impl Problem<'_> {
@@ -134,11 +133,20 @@ mod tests {
 
     #[test]
     fn a_zero_is_where_most_rows_are_whatever_a_slip_says() {
-        // Noise of one, a tenth of the rows a hundred off, and a tenth that nobody knows.
-        let noise = (0..800).map(|row| [5.0 + if row % 2 == 0 { 1.0 } else { -1.0 }, 1.0]);
-        let rows: Vec<[f64; 2]> = noise.chain([[105.0, 1.0]; 100]).chain([[-500.0, 1e6]; 100]).collect();
-        let found = zero(&rows, 1.0);
+        // Noise of one, a tenth of the rows a hundred off, a tenth that nobody knows, and as many that do not count.
+        let rows = (0..1_100).map(|row| match row % 11 {
+            8 => [105.0, 1.0, 1.0],
+            9 => [-500.0, 1e3, 1e-6],
+            10 => [2e9, 1.0, 0.0],
+            even if even % 2 == 0 => [6.0, 1.0, 1.0],
+            _ => [4.0, 1.0, 1.0],
+        });
+        let rows: Vec<[f64; 3]> = rows.collect();
+        let [values, deviations, weights] =
+            [0, 1, 2].map(|of| rows.iter().map(|row| row[of]).collect::<Vec<f64>>());
+        let found = zero(&values, [&deviations, &weights], K).expect("rows");
         assert!((found - 5.0).abs() < 0.6, "{found}");
+        assert_eq!(zero(&values, [&deviations, &vec![0.0; 1_100]], K), None);
     }
 
     #[test]
