@@ -277,13 +277,17 @@ impl Plant {
     /// returns whether it had to hold the command back.
     pub fn step(&mut self, command: Current) -> bool {
         let held_a = command.as_a().clamp(-self.peak_a, self.peak_a);
-        // A loop, not a call of memmove: most machines have one entry to move.
-        for age in (0..=self.dead_ticks).rev() {
-            self.pending_n[age + 1] = self.pending_n[age];
-        }
-        self.pending_n[0] = held_a * self.force_per_current;
+        let new_n = held_a * self.force_per_current;
         let Self { early, late, body, acting, bare, tick, pending_n, dead_ticks, filter, .. } = self;
-        let commands_n = filter.passed([pending_n[*dead_ticks + 1], pending_n[*dead_ticks]]);
+        // Read before they move on: what was written a moment ago would have to be waited for.
+        let early_n = pending_n[*dead_ticks];
+        let late_n = dead_ticks.checked_sub(1).map_or(new_n, |before| pending_n[before]);
+        // A loop, not a call of memmove: most machines have one entry to move.
+        for age in (0..=*dead_ticks).rev() {
+            pending_n[age + 1] = pending_n[age];
+        }
+        pending_n[0] = new_n;
+        let commands_n = filter.passed([early_n, late_n]);
         let (parts, pieces) = ((early.as_ref(), &*late), filter.pieces());
         match acting {
             Some(acting) if acting.moves(&body.remembered) => {
