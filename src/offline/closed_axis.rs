@@ -208,7 +208,8 @@ impl<'a> ClosedAxis<'a> {
         let (sample, table_position) = self.latched(next);
         let tick = self.axis.control.tick;
         let pushed = self.otherwise.current(&mut self.remembered, setpoint, tick);
-        let setpoint = &self.otherwise.setpoint(&mut self.remembered, setpoint, tick);
+        let late = self.otherwise.late(&mut self.remembered, setpoint, tick);
+        let setpoint = late.as_ref().unwrap_or(setpoint);
         match self.handover {
             Handover::Torque(torque) => {
                 self.loops.take_over(setpoint, &sample, torque);

@@ -13,7 +13,7 @@ use super::params::Actuator;
 use crate::base::time::Span;
 
 /// Most pieces of a part of a tick, each with a command of its own.
-const PIECES_MAX: usize = 2;
+pub(super) const PIECES_MAX: usize = 2;
 
 /// Commands of the early and the late part of a tick, N, each in its pieces.
 pub(super) type Commands = [[f64; PIECES_MAX]; 2];
@@ -53,14 +53,12 @@ impl DriveFilter {
         if self.lag_s == 0.0 { 1 } else { PIECES_MAX }
     }
 
-    /// What it makes of the commands of the parts of a tick, N.
+    /// Makes of the commands of the parts of a tick, each in all of its pieces, what it lets through.
     #[inline(always)]
-    pub(super) fn passed(&mut self, commands_n: [f64; 2]) -> Commands {
-        let mut passed_n = commands_n.map(|command_n| [command_n; PIECES_MAX]);
+    pub(super) fn pass(&mut self, commands_n: &mut Commands) {
         if self.lag_s != 0.0 {
-            self.filter(&mut passed_n);
+            self.filter(commands_n);
         }
-        passed_n
     }
 
     #[cold]
@@ -100,8 +98,9 @@ mod tests {
         let mut filter = filter(1e-3);
         let mut time_s = 0.0_f64;
         for _ in 0..6 {
-            let pieces = filter.passed([1.0, 1.0]).into_iter().flatten();
-            for (passed_n, length_s) in pieces.zip([1e-4, 1e-4, 1.5e-4, 1.5e-4]) {
+            let mut commands_n = [[1.0; PIECES_MAX]; 2];
+            filter.pass(&mut commands_n);
+            for (passed_n, length_s) in commands_n.into_iter().flatten().zip([1e-4, 1e-4, 1.5e-4, 1.5e-4]) {
                 let end_s = time_s + length_s;
                 // ∫ 1 - exp(-t / T) dt.
                 let mean = 1.0 - 1e-3 * ((-time_s / 1e-3).exp() - (-end_s / 1e-3).exp()) / length_s;
@@ -114,6 +113,8 @@ mod tests {
     #[test]
     fn without_a_lag_nothing_changes() {
         let mut filter = filter(0.0);
-        assert_eq!((filter.pieces(), filter.passed([0.1, 0.7])), (1, [[0.1; 2], [0.7; 2]]));
+        let mut commands_n = [[0.1; PIECES_MAX], [0.7; PIECES_MAX]];
+        filter.pass(&mut commands_n);
+        assert_eq!((filter.pieces(), commands_n), (1, [[0.1; 2], [0.7; 2]]));
     }
 }

@@ -33,7 +33,7 @@ use std::sync::Arc;
 use crate::base::time::Span;
 use crate::base::units::{Current, Force, Position, Velocity};
 use body::{Body, Part};
-use drive_filter::DriveFilter;
+use drive_filter::{DriveFilter, PIECES_MAX};
 use effects::Neighbour;
 use effects::acting::{Acting, Remembered};
 use effects::backlash::Gap;
@@ -287,7 +287,8 @@ impl Plant {
             pending_n[age + 1] = pending_n[age];
         }
         pending_n[0] = new_n;
-        let commands_n = filter.passed([early_n, late_n]);
+        let mut commands_n = [[early_n; PIECES_MAX], [late_n; PIECES_MAX]];
+        filter.pass(&mut commands_n);
         let (parts, pieces) = ((early.as_ref(), &*late), filter.pieces());
         match acting {
             Some(acting) if acting.moves(&body.remembered) => {

@@ -67,18 +67,19 @@ fn replayed(
                 current: Current::a(run.current_a[row]),
                 ..Sample::default()
             };
-            let setpoint = otherwise.setpoint(&mut remembered, &setpoints[row], tick);
+            let late = otherwise.late(&mut remembered, &setpoints[row], tick);
+            let setpoint = late.as_ref().unwrap_or(&setpoints[row]);
             // The velocity of the first rows is not known yet.
             if row == 3 {
                 loops.take_over(
-                    &setpoint,
+                    setpoint,
                     &sample,
                     axis.plant.actuator.torque(Current::a(run.current_a[row])),
                 );
             }
             let shown_a = behind_a;
             if row >= 3 {
-                let answer = loops.step(&setpoint, &sample, row % every == phase);
+                let answer = loops.step(setpoint, &sample, row % every == phase);
                 loops.pass(1);
                 on_their_way_a.push_back(answer.current.as_a());
                 let acting_a = on_their_way_a.pop_front().unwrap_or_default();

@@ -53,10 +53,10 @@ impl Otherwise {
         exponent: 1.0,
     };
 
-    /// The setpoint that the loops get in the next row.
-    pub fn setpoint(&self, remembered: &mut Remembered, setpoint: &Setpoint, row: Span) -> Setpoint {
+    /// The setpoint that the loops get in the next row, where it is another one.
+    pub fn late(&self, remembered: &mut Remembered, setpoint: &Setpoint, row: Span) -> Option<Setpoint> {
         if self.lag_s == 0.0 {
-            return *setpoint;
+            return None;
         }
         let now =
             [setpoint.position.as_m(), setpoint.velocity.as_m_per_s(), setpoint.acceleration.as_m_per_s2()];
@@ -75,11 +75,11 @@ impl Otherwise {
             }
         };
         remembered.last = Some((now, late));
-        Setpoint {
+        Some(Setpoint {
             position: Position::m(late[0]),
             velocity: Velocity::m_per_s(late[1]),
             acceleration: Acceleration::m_per_s2(late[2]),
-        }
+        })
     }
 
     /// Current that is added in the next row to what the loops ask for.
@@ -127,7 +127,7 @@ mod tests {
         let filter = with("command-filter", [8.0, 0.0, 0.0]);
         let mut remembered = Remembered::default();
         for row in 0..200 {
-            let late = filter.setpoint(&mut remembered, &ramp(row), ROW);
+            let late = filter.late(&mut remembered, &ramp(row), ROW).expect("a filter");
             let behind_mm = (ramp(row).position - late.position).as_mm();
             assert!((behind_mm - 20.0 * 8e-3).abs() < 1e-9, "row {row}: {behind_mm} mm");
             assert!((late.velocity.as_mm_per_s() - 20.0).abs() < 1e-6, "row {row}: {:?}", late.velocity);
@@ -136,7 +136,7 @@ mod tests {
         let stop = Setpoint::at_rest(ramp(199).position);
         let mut late = stop;
         for _ in 0..16 {
-            late = filter.setpoint(&mut remembered, &stop, ROW);
+            late = filter.late(&mut remembered, &stop, ROW).expect("a filter");
         }
         let left = (stop.position - late.position).as_mm() / (20.0 * 8e-3);
         assert!((left - (-1.0_f64).exp()).abs() < 1e-9, "{left} of the lag after a time constant");
@@ -153,7 +153,7 @@ mod tests {
                 velocity: Velocity::mm_per_s(mm_per_s2 * t),
                 acceleration: Acceleration::m_per_s2(1e-3 * mm_per_s2),
             };
-            let late = filter.setpoint(&mut remembered, &setpoint, ROW);
+            let late = filter.late(&mut remembered, &setpoint, ROW).expect("a filter");
             let behind = (setpoint.velocity - late.velocity).as_mm_per_s();
             assert!((behind - 0.02e-3 * mm_per_s2).abs() < 1e-9, "row {row}: {behind} mm/s");
         }
