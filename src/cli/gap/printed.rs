@@ -16,7 +16,7 @@ use crate::offline::gap::locate::unit;
 use crate::offline::gap::problem::SIGNALS;
 use crate::offline::gap::rest::{Rest, Shows};
 use crate::offline::gap::runs::Run;
-use crate::offline::gap::shortlist::Smallest;
+use crate::offline::gap::smallest::Smallest;
 use crate::offline::gap::verdict::{SignalGap, Verdict, excess_of_all};
 use crate::offline::gap::zeros::Zeros;
 use crate::offline::report::gap::NamedRow;

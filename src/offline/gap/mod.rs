@@ -61,6 +61,7 @@ pub mod rest;
 pub mod runs;
 mod sensors;
 pub mod shortlist;
+pub mod smallest;
 mod sparse;
 pub mod spectrum;
 mod spots;

@@ -24,7 +24,8 @@ use super::problem::{Part, Problem};
 use super::refit::{
     ITERATIONS, REACH, another_way, base_refitted, coarsely, coarsely_from, ended, is_far, refitted, scale,
 };
-use super::shortlist::{Scored, Smallest, shortlist};
+use super::shortlist::{Scored, shortlist};
+use super::smallest::Smallest;
 use super::spectrum::Peaks;
 use super::usual;
 use super::without::Without;
@@ -155,15 +156,13 @@ pub fn name<'m>(
         let free = linear(&searched.holding_force(false), &at.model);
         // What the base may not go further with makes up for no more.
         let held: Vec<usize> = at.model.at_reach().collect();
-        let listed = shortlist(searched, &free.holding(&held), &|parameter| peaks.of(parameter));
+        // All passes tell more than the first of each command.
+        let passes = search.count(Part::Fit) as f64 / searched.count(Part::Fit).max(1) as f64;
+        let listed = shortlist(searched, &free.holding(&held), &|parameter| peaks.of(parameter), passes);
         progress("fitting what may be missing");
         let force: Vec<usize> = at.model.constant_force().into_iter().collect();
         let promising = screened(searched, &free.holding(&force), &listed.scored);
-        // All passes tell more than the first of each command.
-        let more = (search.count(Part::Fit) as f64 / searched.count(Part::Fit).max(1) as f64).sqrt();
-        let by_all =
-            |one: Smallest| Smallest { amplitude: one.amplitude.map(|amplitude| amplitude / more), ..one };
-        smallest = listed.smallest.into_iter().map(by_all).collect();
+        smallest = listed.smallest;
         let mut candidates = Vec::new();
         let is_first = effects.is_empty();
         // It is fitted to the bottom when it has been chosen. What comes beside what was named goes on from there: that tells which

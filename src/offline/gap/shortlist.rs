@@ -20,6 +20,7 @@ use super::fit::share_that_holds;
 use super::linear::{BLOCK_S, K, Linear, LinearRun, Loss, product};
 use super::model::{Model, Tried};
 use super::problem::{Part, Problem, Residual};
+use super::smallest::{self, Smallest};
 use super::usual::is_usual;
 use crate::plant::effects::{CATALOGUE, Entry, Parameter, Values};
 
@@ -28,34 +29,12 @@ const LOSS: Loss = Loss::straight(K);
 /// Share of its usual size at which an effect is tried.
 const SHARE: f64 = 0.5;
 
+/// What gains less, by all passes, is not worth a fit: an amplitude of seven standard deviations gains twice as much. Of small effects
+/// that were named the least had five times as much.
+const LEAST: f64 = 24.0;
+
 /// So many of the surest are tried, whatever others gain.
 const SUREST: usize = 3;
-
-/// Standard deviations of noise that an effect must be, beyond what the base makes up for, to be seen: half of those that
-/// were 8 to 15 of them were named.
-const SEEN: f64 = 12.0;
-
-/// The smallest amplitude of an effect that would have been seen, by its first parameter, its other values as usual; nothing
-/// where it would be none of such an effect any more: these runs do not show it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Smallest {
-    /// Of which effect.
-    pub name: &'static str,
-    /// Its amplitude, with the unit.
-    pub key: &'static str,
-    /// How much.
-    pub amplitude: Option<f64>,
-}
-
-impl Smallest {
-    /// Where one standard deviation of the first parameter is so many of its priors.
-    fn of(entry: &'static Entry, deviation: f64) -> Self {
-        let Parameter { key, prior, bounds: [low, high], .. } = entry.parameters[0];
-        let amplitude = SEEN * deviation * prior;
-        let may_be = amplitude <= high.max(-low);
-        Self { name: entry.name, key, amplitude: may_be.then_some(amplitude) }
-    }
-}
 
 /// What may be missing, the most promising first, and what would have been seen.
 pub struct Shortlist {
@@ -125,8 +104,13 @@ fn phase_of(entry: &Entry) -> Option<usize> {
     entry.parameters.iter().position(|parameter| parameter.unit == "deg")
 }
 
-/// Every effect that is not in the model yet, with the best trial of its laws.
-pub fn shortlist(problem: &Problem<'_>, here: &Linear, peaks: &dyn Fn(&Parameter) -> Vec<f64>) -> Shortlist {
+/// Every effect that is not in the model yet, with the best trial of its laws. All passes tell so many times as much as these rows.
+pub fn shortlist(
+    problem: &Problem<'_>,
+    here: &Linear,
+    peaks: &dyn Fn(&Parameter) -> Vec<f64>,
+    passes: f64,
+) -> Shortlist {
     let model = &here.model;
     let has = |name: &str| model.effects.iter().any(|tried| tried.entry.name == name);
     // A further harmonic is one beside the first.
@@ -187,7 +171,7 @@ pub fn shortlist(problem: &Problem<'_>, here: &Linear, peaks: &dyn Fn(&Parameter
         (sums.scored(beyond, &known, &tangents, model, Tried { entry, values: *values }), smallest)
     });
     let (scored, smallest): (Vec<Option<Scored>>, Vec<Option<Smallest>>) = tried.unzip();
-    let of_usual = usual_smallest(model, &covariance);
+    let of_usual = smallest::of_usual(model, &covariance);
     let mut best: BTreeMap<&str, Scored> = BTreeMap::new();
     for scored in scored.into_iter().flatten() {
         let name = scored.entry().effect();
@@ -195,30 +179,19 @@ pub fn shortlist(problem: &Problem<'_>, here: &Linear, peaks: &dyn Fn(&Parameter
             best.insert(name, scored);
         }
     }
-    let mut best: Vec<Scored> = best.into_values().collect();
+    let mut best: Vec<Scored> = best.into_values().filter(|scored| passes * scored.gain > LEAST).collect();
     best.sort_by(|a, b| b.sureness.total_cmp(&a.sureness));
     best.iter_mut().take(SUREST).for_each(|scored| scored.is_sure = true);
     best.sort_by(|a, b| b.gain.total_cmp(&a.gain));
     let unseen = unseen.map(|entry| Smallest::of(entry, f64::INFINITY));
-    Shortlist {
-        scored: best,
-        smallest: smallest.into_iter().flatten().chain(of_usual).chain(unseen).collect(),
-    }
+    let smallest = smallest.into_iter().flatten().chain(of_usual).chain(unseen);
+    Shortlist { scored: best, smallest: smallest.map(|one| one.by_passes(passes)).collect() }
 }
 
 /// The coordinate of an effect that every model has, from which no data tell another.
 fn twin_of(model: &Model, entry: &Entry) -> Option<usize> {
     let is_twin = |tried: &Tried| is_usual(tried.entry) && tried.entry.aliases.contains(&entry.name);
     Some(model.first_coordinate(model.effects.iter().position(is_twin)?))
-}
-
-/// Of the effects that every model has: as far as all else tells them.
-fn usual_smallest(model: &Model, covariance: &DMatrix<f64>) -> Vec<Smallest> {
-    let of = |(place, tried): (usize, &Tried)| {
-        let at = model.first_coordinate(place);
-        is_usual(tried.entry).then(|| Smallest::of(tried.entry, covariance[(at, at)].sqrt()))
-    };
-    model.effects.iter().enumerate().filter_map(of).collect()
 }
 
 /// What the base cannot make up for of the columns of a trial.

@@ -1,0 +1,49 @@
+//! From which amplitude an effect would have been seen.
+//!
+//! Invariant: beyond what such an effect may be there is no amplitude.
+
+use nalgebra::DMatrix;
+
+use super::model::{Model, Tried};
+use super::usual::is_usual;
+use crate::plant::effects::{Entry, Parameter};
+
+/// Standard deviations of noise that an effect must be, beyond what the base makes up for, to be seen: half of those that
+/// were 8 to 15 of them were named.
+const SEEN: f64 = 12.0;
+
+/// The smallest amplitude of an effect that would have been seen, by its first parameter, its other values as usual; nothing
+/// where it would be none of such an effect any more: these runs do not show it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Smallest {
+    /// Of which effect.
+    pub name: &'static str,
+    /// Its amplitude, with the unit.
+    pub key: &'static str,
+    /// How much.
+    pub amplitude: Option<f64>,
+}
+
+impl Smallest {
+    /// Where one standard deviation of the first parameter is so many of its priors.
+    pub(super) fn of(entry: &'static Entry, deviation: f64) -> Self {
+        let Parameter { key, prior, bounds: [low, high], .. } = entry.parameters[0];
+        let amplitude = SEEN * deviation * prior;
+        let may_be = amplitude <= high.max(-low);
+        Self { name: entry.name, key, amplitude: may_be.then_some(amplitude) }
+    }
+
+    /// The same by so many times as many rows.
+    pub(super) fn by_passes(self, passes: f64) -> Self {
+        Self { amplitude: self.amplitude.map(|amplitude| amplitude / passes.sqrt()), ..self }
+    }
+}
+
+/// Of the effects that every model has: as far as all else tells them.
+pub(super) fn of_usual(model: &Model, covariance: &DMatrix<f64>) -> Vec<Smallest> {
+    let of = |(place, tried): (usize, &Tried)| {
+        let at = model.first_coordinate(place);
+        is_usual(tried.entry).then(|| Smallest::of(tried.entry, covariance[(at, at)].sqrt()))
+    };
+    model.effects.iter().enumerate().filter_map(of).collect()
+}
