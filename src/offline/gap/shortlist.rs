@@ -29,6 +29,10 @@ const LOSS: Loss = Loss::straight(K);
 /// Share of its usual size at which an effect is tried.
 const SHARE: f64 = 0.5;
 
+/// What swings with the table makes no peak where nothing excites it much: it is looked for at these frequencies, Hz, so damped, %, that each
+/// reaches half way to the next.
+const SWINGS: ([f64; 8], f64) = ([14.0, 19.0, 26.0, 36.0, 50.0, 70.0, 100.0, 140.0], 15.0);
+
 /// What gains less, by all passes, is not worth a fit: an amplitude of seven standard deviations gains twice as much. Of small effects
 /// that were named the least had five times as much.
 const LEAST: f64 = 24.0;
@@ -96,6 +100,14 @@ fn seeds(entry: &'static Entry, peaks: &dyn Fn(&Parameter) -> Vec<f64>) -> Vec<V
                 seed
             }));
         }
+    }
+    let place = |key: &str| entry.parameters.iter().position(|parameter| parameter.key == key);
+    if let (Some(frequency), Some(damping)) = (place("frequency-hz"), place("damping-percent")) {
+        seeds.extend(SWINGS.0.map(|hz| {
+            let mut swinging = nominal;
+            (swinging[frequency], swinging[damping]) = (hz, SWINGS.1);
+            swinging
+        }));
     }
     seeds
 }
@@ -381,6 +393,18 @@ mod tests {
             sureness((0..100).map(|block| if block == 7 { 1_000.0 } else { 1.0 })),
         ];
         assert!((everywhere - 20.0).abs() < 1e-9 && once < 1.3, "{everywhere}, {once}");
+    }
+
+    #[test]
+    fn what_swings_is_tried_near_each_frequency_of_a_machine() {
+        let entry = CATALOGUE.iter().find(|entry| entry.name == "resonance").expect("an effect");
+        let seeds = seeds(entry, &|_| Vec::new());
+        for hz in 13..160 {
+            let reaches = |[share, at_hz, damping]: &Values| {
+                *share > 0.0 && (f64::from(hz) / at_hz).ln().abs() < 1.2e-2 * damping
+            };
+            assert!(seeds.iter().any(reaches), "{hz} Hz");
+        }
     }
 
     #[test]
