@@ -190,11 +190,12 @@ fn of_the_spring(mut fitted: Fitted) -> Fitted {
     let [at, force] = [spring, constant].map(|place| fitted.model.first_coordinate(place));
     let [of_spring, of_force] = [spring, constant].map(|place| fitted.model.effects[place].entry.parameters);
     let [n_per_mm, neutral_mm] = [0, 1].map(|of| fitted.model.effects[spring].values[of]);
-    let apart_m = fitted.model.twin().pushed_apart_m();
-    let force_n = std::mem::take(&mut fitted.model.effects[constant].values[0]);
+    let force_n = fitted.model.effects[constant].values[0];
     if n_per_mm == 0.0 || force_n == 0.0 {
         return fitted;
     }
+    let apart_m = fitted.model.twin().pushed_apart_m();
+    fitted.model.effects[constant].values[0] = 0.0;
     // What a force that is always there moves without the zero of the table, a spring moves with it.
     let (zero, per_m) = Model::table_zero();
     let moved = per_m * (apart_m - fitted.model.twin().pushed_apart_m());
@@ -307,7 +308,12 @@ mod tests {
         };
         let before_um = zero_um(&model);
         assert!(before_um < -0.5, "{before_um} um");
-        let fitted = of_the_spring(Fitted { model, cost: 1.0, total: 2.0, covariance });
+        let fitted = Fitted { model, cost: 1.0, total: 2.0, covariance };
+        let mut slack = fitted.clone();
+        slack.model.effects[1].values[0] = 0.0;
+        let slack = of_the_spring(slack);
+        assert_eq!(slack.model.effects[0].values[0], -120.0, "a spring that is none holds no force");
+        let fitted = of_the_spring(fitted);
         assert!((zero_um(&fitted.model) - before_um).abs() < 1e-6, "the table scale shows another zero");
         let [of_force, of_spring] = [0, 1].map(|place| fitted.model.effects[place].values);
         assert_eq!(of_force[0], 0.0);
