@@ -67,6 +67,7 @@ pub mod spectrum;
 mod spots;
 mod straight;
 mod tones;
+mod turned;
 pub mod twin;
 mod usual;
 pub mod verdict;

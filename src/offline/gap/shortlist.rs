@@ -6,7 +6,7 @@
 //!   gain = what a brings beyond the best δ alone                                    in the weights of the fit
 //! ```
 //!
-//! Effects with a phase give two such columns, a quarter of a period apart. What else is not linear is tried at a few
+//! Effects with a phase give two such columns, a quarter of a period apart (`turned`). What else is not linear is tried at a few
 //! values, frequencies where the spectrum of what is left has its peaks.
 //! Invariant: the order of the catalogue decides nothing.
 
@@ -21,6 +21,7 @@ use super::linear::{BLOCK_S, K, Linear, LinearRun, Loss, product};
 use super::model::{Model, Tried};
 use super::problem::{Part, Problem, Residual};
 use super::smallest::{self, Smallest};
+use super::turned;
 use super::usual::is_usual;
 use crate::plant::effects::{CATALOGUE, Entry, Parameter, Values};
 
@@ -36,6 +37,9 @@ const SWINGS: ([f64; 8], f64) = ([14.0, 19.0, 26.0, 36.0, 50.0, 70.0, 100.0, 140
 /// What gains less, by all passes, is not worth a fit: an amplitude of seven standard deviations gains twice as much. Of small effects
 /// that were named the least had five times as much.
 const LEAST: f64 = 24.0;
+
+/// Rows that say of each other whether a trial changed them by chance, s to either side.
+const NEAR_S: f64 = 0.02;
 
 /// So many of the surest are tried, whatever others gain.
 const SUREST: usize = 3;
@@ -149,7 +153,7 @@ pub fn shortlist(
     };
     let (known, covariance) = ((curvature.clone(), equations.slope), curvature.inverse());
     let places = problem.places(Part::Fit);
-    let block = problem.rows_in(BLOCK_S);
+    let [block, about] = [BLOCK_S, 2.0 * NEAR_S].map(|time_s| problem.rows_in(time_s));
     let left: Vec<Left> = here.runs.par_iter().map(Left::of).collect();
     let tangents: Vec<DMatrix<f64>> = left
         .par_iter()
@@ -167,6 +171,10 @@ pub fn shortlist(
                 column
             };
             let columns: Vec<Residual> = variants(entry, *values).into_iter().map(column).collect();
+            let columns = match <[Residual; 3]>::try_from(columns) {
+                Ok(turned) => turned::columns(turned.each_ref(), about).to_vec(),
+                Err(alone) => alone,
+            };
             sums.add(run, left, &columns, block);
         }
         let beyond = sums.beyond(&known.0);
@@ -222,10 +230,10 @@ impl Beyond {
     }
 }
 
-/// The values of the columns of a trial: one, or two a quarter of a period apart.
+/// The values of a trial: once, or at each of three phases.
 fn variants(entry: &Entry, values: Values) -> Vec<Values> {
     let Some(place) = phase_of(entry) else { return vec![values] };
-    [0.0, 90.0]
+    turned::PHASES_DEG
         .map(|phase| {
             let mut values = values;
             values[place] = phase;
