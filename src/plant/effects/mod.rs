@@ -79,6 +79,7 @@ pub const CATALOGUE: &[Entry] = &[
     ball_pass_ripple::ENTRY,
     torque_saturation::ENTRY,
     torque_disturbance::ENTRY,
+    torque_disturbance::PUSH,
     actuator_delay::ENTRY,
     current_loop_lag::ENTRY,
     current_loop_lag::FILTER,
