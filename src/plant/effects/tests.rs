@@ -299,7 +299,12 @@ fn torques_swing_as_often_and_as_far_as_they_say() {
         ("motor-cogging", [0.2, 3.0, 0.0], 0.2, 6.0),
         ("torque-ripple", [10.0, 4.0, 0.0], 0.1 * 951.3 / paper_axis().mechanics.force_per_torque(), 8.0),
         ("torque-disturbance", [0.2, 5.0, 0.0], 0.2, 5.0),
-        ("torque-disturbance-push", [200.0, 5.0, 0.0], 200.0 / paper_axis().mechanics.force_per_torque(), 5.0),
+        (
+            "torque-disturbance-push",
+            [200.0, 5.0, 0.0],
+            200.0 / paper_axis().mechanics.force_per_torque(),
+            5.0,
+        ),
         ("ball-pass-ripple", [10.0, 2.5, 0.0], 0.1 * 951.3 / paper_axis().mechanics.force_per_torque(), 5.0),
     ] {
         let axis = paper_axis().with_effect(entry(name).unwrap(), values);
