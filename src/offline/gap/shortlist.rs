@@ -21,19 +21,13 @@ use super::linear::{BLOCK_S, K, Linear, LinearRun, Loss, product};
 use super::model::{Model, Tried};
 use super::problem::{Part, Problem, Residual};
 use super::smallest::{self, Smallest};
+use super::trials::{phase_of, seeds, variants};
 use super::turned;
 use super::usual::is_usual;
 use crate::plant::effects::{CATALOGUE, Entry, Parameter, Values};
 
 /// How rows count here: a large effect puts many of them far off, and what explains those is looked for.
 const LOSS: Loss = Loss::straight(K);
-/// Share of its usual size at which an effect is tried.
-const SHARE: f64 = 0.5;
-
-/// What swings with the table makes no peak where nothing excites it much: it is looked for at these frequencies, Hz, so damped, %, that each
-/// reaches half way to the next.
-const SWINGS: ([f64; 8], f64) = ([14.0, 19.0, 26.0, 36.0, 50.0, 70.0, 100.0, 140.0], 15.0);
-
 /// What gains less, by all passes, is not worth a fit: an amplitude of seven standard deviations gains twice as much. Of small effects
 /// that were named the least had five times as much.
 const LEAST: f64 = 24.0;
@@ -72,54 +66,6 @@ impl Scored {
     }
 }
 
-/// Values at which an entry is tried, one amplitude at a time.
-fn seeds(entry: &'static Entry, peaks: &dyn Fn(&Parameter) -> Vec<f64>) -> Vec<Values> {
-    let mut nominal = entry.nominal();
-    nominal[0] = if nominal[0] == 0.0 { entry.parameters[0].prior } else { nominal[0] } * SHARE;
-    let mut seeds = vec![nominal];
-    for place in entry.amplitudes().skip(1) {
-        let mut alone = nominal;
-        alone[0] = 0.0;
-        alone[place] = entry.parameters[place].prior * SHARE;
-        seeds.push(alone);
-    }
-    for (place, parameter) in
-        entry.parameters.iter().enumerate().filter(|(place, _)| !entry.is_amplitude(*place))
-    {
-        // A damping is found by the fit.
-        if parameter.unit == "deg" || parameter.key == "damping-percent" {
-            continue;
-        }
-        let [low, high] = parameter.bounds;
-        let mut others: Vec<f64> = peaks(parameter);
-        if others.is_empty() {
-            others = [0.3, 3.0].map(|factor| parameter.nominal * factor).to_vec();
-        }
-        others.retain(|value| (low..=high).contains(value) && *value != parameter.nominal);
-        let so_far = seeds.clone();
-        for other in others {
-            seeds.extend(so_far.iter().map(|seed| {
-                let mut seed = *seed;
-                seed[place] = other;
-                seed
-            }));
-        }
-    }
-    let place = |key: &str| entry.parameters.iter().position(|parameter| parameter.key == key);
-    if let (Some(frequency), Some(damping)) = (place("frequency-hz"), place("damping-percent")) {
-        seeds.extend(SWINGS.0.map(|hz| {
-            let mut swinging = nominal;
-            (swinging[frequency], swinging[damping]) = (hz, SWINGS.1);
-            swinging
-        }));
-    }
-    seeds
-}
-
-fn phase_of(entry: &Entry) -> Option<usize> {
-    entry.parameters.iter().position(|parameter| parameter.unit == "deg")
-}
-
 /// Every effect that is not in the model yet, with the best trial of its laws. All passes tell so many times as much as these rows.
 pub fn shortlist(
     problem: &Problem<'_>,
@@ -143,6 +89,19 @@ pub fn shortlist(
         .flat_map(|entry| seeds(entry, peaks).into_iter().map(move |values| (entry, values)))
         .filter(|(entry, values)| !model.has_twin_of(&Tried { entry, values: *values }))
         .collect();
+    let mut listed = listed(problem, here, &trials, passes);
+    listed.smallest.extend(unseen.map(|entry| Smallest::of(entry, f64::INFINITY)));
+    listed
+}
+
+/// What such trials say.
+fn listed(
+    problem: &Problem<'_>,
+    here: &Linear,
+    trials: &[(&'static Entry, Values)],
+    passes: f64,
+) -> Shortlist {
+    let model = &here.model;
     let equations = here.normal(usize::MAX, LOSS).with_beliefs(model);
     let mut curvature = equations.curvature.clone();
     for place in 0..curvature.nrows() {
@@ -203,8 +162,7 @@ pub fn shortlist(
     best.sort_by(|a, b| b.sureness.total_cmp(&a.sureness));
     best.iter_mut().take(SUREST).for_each(|scored| scored.is_sure = true);
     best.sort_by(|a, b| b.gain.total_cmp(&a.gain));
-    let unseen = unseen.map(|entry| Smallest::of(entry, f64::INFINITY));
-    let smallest = smallest.into_iter().flatten().chain(of_usual).chain(unseen);
+    let smallest = smallest.into_iter().flatten().chain(of_usual);
     Shortlist { scored: best, smallest: smallest.map(|one| one.by_passes(passes)).collect() }
 }
 
@@ -228,18 +186,6 @@ impl Beyond {
         let seen = (self.held.trace() / self.held.nrows() as f64).sqrt();
         Smallest::of(entry, values[0].abs() / (entry.parameters[0].prior * seen))
     }
-}
-
-/// The values of a trial: once, or at each of three phases.
-fn variants(entry: &Entry, values: Values) -> Vec<Values> {
-    let Some(place) = phase_of(entry) else { return vec![values] };
-    turned::PHASES_DEG
-        .map(|phase| {
-            let mut values = values;
-            values[place] = phase;
-            values
-        })
-        .to_vec()
 }
 
 /// Products over all runs of the columns of a trial: with the tangent, with each other, with what is left.
@@ -401,18 +347,6 @@ mod tests {
             sureness((0..100).map(|block| if block == 7 { 1_000.0 } else { 1.0 })),
         ];
         assert!((everywhere - 20.0).abs() < 1e-9 && once < 1.3, "{everywhere}, {once}");
-    }
-
-    #[test]
-    fn what_swings_is_tried_near_each_frequency_of_a_machine() {
-        let entry = CATALOGUE.iter().find(|entry| entry.name == "resonance").expect("an effect");
-        let seeds = seeds(entry, &|_| Vec::new());
-        for hz in 13..160 {
-            let reaches = |[share, at_hz, damping]: &Values| {
-                *share > 0.0 && (f64::from(hz) / at_hz).ln().abs() < 1.2e-2 * damping
-            };
-            assert!(seeds.iter().any(reaches), "{hz} Hz");
-        }
     }
 
     #[test]

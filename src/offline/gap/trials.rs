@@ -1,0 +1,125 @@
+//! At which values an effect is tried: at half its usual size, times and places at a few or where spectra have their peaks, and what has a phase at
+//! three.
+//!
+//! Invariant: the first trial of an effect is at its usual values.
+
+use super::turned;
+use crate::plant::effects::{Entry, Parameter, Values};
+
+/// Share of its usual size at which an effect is tried.
+const SHARE: f64 = 0.5;
+
+/// What swings with the table makes no peak where nothing excites it much: it is looked for at these frequencies, Hz, so damped, %, that each
+/// reaches half way to the next.
+const SWINGS: ([f64; 8], f64) = ([14.0, 19.0, 26.0, 36.0, 50.0, 70.0, 100.0, 140.0], 15.0);
+
+/// Shares of its usual length at which a way over which an axis gives way is tried as well.
+const WAYS: [f64; 4] = [3.0, 0.3, 0.1, 0.03];
+
+/// Values at which an entry is tried, one amplitude at a time.
+pub(super) fn seeds(entry: &'static Entry, peaks: &dyn Fn(&Parameter) -> Vec<f64>) -> Vec<Values> {
+    let mut nominal = entry.nominal();
+    nominal[0] = if nominal[0] == 0.0 { entry.parameters[0].prior } else { nominal[0] } * SHARE;
+    let mut seeds = vec![nominal];
+    if is_way(entry, &entry.parameters[0]) {
+        seeds.extend(WAYS.map(|share| {
+            let mut shorter = nominal;
+            shorter[0] *= share;
+            shorter
+        }));
+    }
+    for place in entry.amplitudes().skip(1) {
+        let mut alone = nominal;
+        alone[0] = 0.0;
+        alone[place] = entry.parameters[place].prior * SHARE;
+        seeds.push(alone);
+    }
+    for (place, parameter) in
+        entry.parameters.iter().enumerate().filter(|(place, _)| !entry.is_amplitude(*place))
+    {
+        // A damping is found by the fit.
+        if parameter.unit == "deg" || parameter.key == "damping-percent" {
+            continue;
+        }
+        let [low, high] = parameter.bounds;
+        let mut others: Vec<f64> = if is_way(entry, parameter) {
+            WAYS.map(|share| share * parameter.nominal).to_vec()
+        } else {
+            peaks(parameter)
+        };
+        if others.is_empty() {
+            others = [0.3, 3.0].map(|factor| parameter.nominal * factor).to_vec();
+        }
+        others.retain(|value| (low..=high).contains(value) && *value != parameter.nominal);
+        let so_far = seeds.clone();
+        for other in others {
+            seeds.extend(so_far.iter().map(|seed| {
+                let mut seed = *seed;
+                seed[place] = other;
+                seed
+            }));
+        }
+    }
+    let place = |key: &str| entry.parameters.iter().position(|parameter| parameter.key == key);
+    if let (Some(frequency), Some(damping)) = (place("frequency-hz"), place("damping-percent")) {
+        seeds.extend(SWINGS.0.map(|hz| {
+            let mut swinging = nominal;
+            (swinging[frequency], swinging[damping]) = (hz, SWINGS.1);
+            swinging
+        }));
+    }
+    seeds
+}
+
+/// Whether it is a way over which an axis gives way: a shorter one is another shape, and not less of the same.
+fn is_way(entry: &Entry, parameter: &Parameter) -> bool {
+    parameter.unit == "um" && phase_of(entry).is_none()
+}
+
+pub(super) fn phase_of(entry: &Entry) -> Option<usize> {
+    entry.parameters.iter().position(|parameter| parameter.unit == "deg")
+}
+
+/// The values of a trial: once, or at each of three phases.
+pub(super) fn variants(entry: &Entry, values: Values) -> Vec<Values> {
+    let Some(place) = phase_of(entry) else { return vec![values] };
+    turned::PHASES_DEG
+        .map(|phase| {
+            let mut values = values;
+            values[place] = phase;
+            values
+        })
+        .to_vec()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plant::effects::entry;
+
+    #[test]
+    fn what_swings_is_tried_near_each_frequency_of_a_machine() {
+        let entry = entry("resonance").expect("an effect");
+        let seeds = seeds(entry, &|_| Vec::new());
+        for hz in 13..160 {
+            let reaches = |[share, at_hz, damping]: &Values| {
+                *share > 0.0 && (f64::from(hz) / at_hz).ln().abs() < 1.2e-2 * damping
+            };
+            assert!(seeds.iter().any(reaches), "{hz} Hz");
+        }
+    }
+
+    #[test]
+    fn a_play_is_tried_at_sizes_a_decade_apart_and_an_eccentricity_at_one() {
+        for (name, place, count) in [("backlash", 0, 5), ("soft-zone", 1, 4), ("encoder-eccentricity", 0, 1)]
+        {
+            let seeds = seeds(entry(name).expect("an effect"), &|_| Vec::new());
+            let mut sizes: Vec<f64> =
+                seeds.iter().map(|seed| seed[place]).filter(|size| *size > 0.0).collect();
+            sizes.sort_by(f64::total_cmp);
+            sizes.dedup();
+            assert_eq!(sizes.len(), count, "{name}: {sizes:?}");
+            assert!(sizes.windows(2).all(|pair| pair[1] < 4.0 * pair[0]), "{name}: {sizes:?}");
+        }
+    }
+}
