@@ -98,7 +98,7 @@ fn of_data(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let mut intake = all.at_one_rate(&machine);
     if !clocks::have_one(&intake.runs) {
         intake.repaired.push(
-            "times of the files overlap: each is given a clock of its own, and nothing that grows over a session is found"
+            "times of the files overlap: each is given a clock of its own, or what grows with time takes them as recorded one after the other, in the order in which they were given"
                 .to_owned(),
         );
     }

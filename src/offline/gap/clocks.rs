@@ -6,7 +6,8 @@
 //!
 //! What swings with time keeps its phase through a session. Where runs have no common clock, or lie so far apart that nothing
 //! swings as evenly from one to the next, theirs are set so that the loudest of it does: by less than a period of it, so that what
-//! is slower is not told, and not lost.
+//! is slower is not told, and not lost. What grows tells of files that each begin at zero whether each is a session of its own, or
+//! one began where the one before it ended, in the order in which they were given.
 //! Invariant: runs of one session on one clock keep it.
 
 use std::f64::consts::TAU;
@@ -15,8 +16,10 @@ use nalgebra::Complex;
 use rayon::prelude::*;
 
 use super::model::Model;
+use super::name::linear;
 use super::problem::{Problem, Residual};
 use super::runs::Run;
+use super::shortlist::gain_of;
 use super::spectrum::{Peaks, session_s};
 
 /// Runs of one clock are not at it at the same time for longer than this, s.
@@ -28,6 +31,9 @@ const APART: f64 = 5.0;
 /// off, for it was looked for as if the clocks were one.
 const STEPS: i32 = 384;
 const LINES_PER_STEP: f64 = 1.0 / 128.0;
+
+/// Effects that grow with time.
+const GROWING: [&str; 2] = ["friction-warm-up", "thermal-growth"];
 
 /// Whether no two runs take place at the same time.
 pub fn have_one(runs: &[Run]) -> bool {
@@ -44,13 +50,50 @@ fn is_one_session(spans_s: &[[f64; 2]]) -> bool {
     session_s(spans_s) <= APART * spans_s.iter().map(|[begin_s, end_s]| end_s - begin_s).sum::<f64>()
 }
 
-/// What the clock of each run is behind, s; nothing where they have one, or nothing swings.
+/// What the clock of each run is behind, s; nothing where they have one, or nothing swings or grows.
 pub(super) fn behind_s(problem: &Problem<'_>, model: &Model) -> Option<Vec<f64>> {
-    let period_s = problem.period_s();
     let spans_s = problem.spans_s();
-    if is_one_session(&spans_s) && is_one(spans_s.clone()) {
+    let is_one = is_one(spans_s.clone());
+    if is_one && is_one_session(&spans_s) {
         return None;
     }
+    let growing_s = if is_one { None } else { growing_s(problem, model, &spans_s) };
+    let swinging_s = match &growing_s {
+        Some(behind_s) => swinging_s(&problem.with_clocks(behind_s), model),
+        None => swinging_s(problem, model),
+    };
+    match (growing_s, swinging_s) {
+        (Some(growing), Some(swinging)) => Some(growing.iter().zip(swinging).map(|(a, b)| a + b).collect()),
+        (growing, swinging) => growing.or(swinging),
+    }
+}
+
+/// By how much runs began later where one began as the one before it ended; nothing where what grows explains as much without it.
+fn growing_s(problem: &Problem<'_>, model: &Model, spans_s: &[[f64; 2]]) -> Option<Vec<f64>> {
+    let later_s = one_after_the_other_s(spans_s);
+    let once = problem.first_passes();
+    let here = linear(&once, model);
+    let [alone, together] = [&once, &once.with_clocks(&later_s)].map(|once| gain_of(once, &here, &GROWING));
+    (together > alone).then_some(later_s)
+}
+
+/// By how much runs began later where each file began as the one before it ended: where times go back there is another file.
+fn one_after_the_other_s(spans_s: &[[f64; 2]]) -> Vec<f64> {
+    let mut last_s = f64::NEG_INFINITY;
+    let (mut later_s, mut ended_s) = (0.0, 0.0);
+    let of = |[begin_s, end_s]: &[f64; 2]| {
+        if *begin_s < last_s - OVERLAP_S {
+            later_s = ended_s - begin_s;
+        }
+        (last_s, ended_s) = (*end_s, later_s + end_s);
+        later_s
+    };
+    spans_s.iter().map(of).collect()
+}
+
+/// What the clock of each run is behind by what swings, s; nothing where nothing does.
+fn swinging_s(problem: &Problem<'_>, model: &Model) -> Option<Vec<f64>> {
+    let (period_s, spans_s) = (problem.period_s(), problem.spans_s());
     let near_hz = Peaks::new(problem, model).loudest_hz()?;
     let left: Vec<Residual> = (0..problem.data.len())
         .into_par_iter()
@@ -117,6 +160,12 @@ mod tests {
         assert!(is_one(vec![[10.0, 15.0], [0.0, 9.0], [15.0, 16.0]]));
         assert!(!is_one(vec![[0.0, 5.0], [0.0, 6.0]]));
         assert!(is_one(Vec::new()));
+    }
+
+    #[test]
+    fn files_that_begin_at_zero_are_put_one_after_the_other() {
+        let later_s = one_after_the_other_s(&[[0.5, 9.0], [10.0, 12.0], [0.0, 6.0], [1.0, 5.0], [6.0, 7.0]]);
+        assert_eq!(later_s, [0.0, 0.0, 12.0, 17.0, 17.0]);
     }
 
     #[test]

@@ -349,7 +349,7 @@ fn tested(
 }
 
 /// A model where nothing of it is known well yet.
-fn linear(problem: &Problem<'_>, model: &Model) -> Linear {
+pub(super) fn linear(problem: &Problem<'_>, model: &Model) -> Linear {
     let left = (Part::Fit, residuals(problem, model, Part::Fit));
     Linear::new(problem, model, left, None, &Steps::widest(model))
 }

@@ -94,6 +94,15 @@ pub fn shortlist(
     listed
 }
 
+/// What those of these effects explain that explain most.
+pub(super) fn gain_of(problem: &Problem<'_>, here: &Linear, names: &[&str]) -> f64 {
+    let entries = CATALOGUE.iter().filter(|entry| names.contains(&entry.name));
+    let trials: Vec<(&'static Entry, Values)> = entries
+        .flat_map(|entry| seeds(entry, &|_| Vec::new()).into_iter().map(move |values| (entry, values)))
+        .collect();
+    listed(problem, here, &trials, 1.0).scored.first().map_or(0.0, |best| best.gain)
+}
+
 /// What such trials say.
 fn listed(
     problem: &Problem<'_>,
