@@ -22,6 +22,9 @@ const LINES: Range<usize> = 10..64;
 /// Lines on either side, from the nearest to the furthest, that are a neighbourhood.
 const ABOUT: [usize; 2] = [4, 8];
 
+/// Share of what windows gain that windows twice as long gain at least where a period is kept.
+const KEPT: f64 = 0.5;
+
 /// A row that counts: where it is, which way it goes, and what is left of it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Row {
@@ -30,9 +33,19 @@ pub(super) struct Row {
     pub(super) left: f64,
 }
 
-/// Periods, mm, with the gain of each window of all runs.
+/// Periods, mm, with the gain of each window of all runs. What keeps its period is as loud in all windows that are twice as long, or
+/// louder; what is loud over a band of periods, as a loop that is driven by noise, is not, and is none.
 pub(super) fn periods(runs: &[Vec<Row>]) -> Vec<(f64, Vec<f64>)> {
-    WINDOWS_MM.into_iter().flat_map(|window_mm| of_windows(runs, window_mm)).collect()
+    let [mut short, long] = WINDOWS_MM.map(|window_mm| of_windows(runs, window_mm));
+    let all = |gains: &[f64]| gains.iter().sum::<f64>();
+    let keeps = |line: usize, gains: &[f64]| {
+        let alike = (2 * line - 1..=2 * line + 1).filter(|line| LINES.contains(line));
+        let loudest = alike.map(|line| &long[line - LINES.start].1).filter(|gains| !gains.is_empty());
+        loudest.map(|gains| all(gains)).reduce(f64::max).is_none_or(|longer| longer >= KEPT * all(gains))
+    };
+    let mut line = LINES;
+    short.retain(|(_, gains)| line.next().is_some_and(|line| keeps(line, gains)));
+    short.into_iter().chain(long).collect()
 }
 
 fn of_windows(runs: &[Vec<Row>], window_mm: f64) -> Vec<(f64, Vec<f64>)> {
@@ -114,6 +127,27 @@ mod tests {
         assert!(of_noise < 2.0, "{of_noise}");
         let (period_mm, gain) = loudest(0.3);
         assert!((period_mm - 0.7).abs() < 0.03 && gain > 5.0, "{period_mm} mm, {gain}");
+    }
+
+    #[test]
+    fn what_is_loud_over_a_band_of_periods_is_no_period() {
+        let mut random = Pcg64Mcg::seed_from_u64(9);
+        // A swing of 1.6 mm that begins anew every three millimetres keeps no period.
+        let mut phase = 0.0;
+        let mut run = laps(0.0, 1.0);
+        let mut since_mm = run[0].place_mm;
+        for row in &mut run {
+            if (row.place_mm - since_mm).abs() > 3.0 {
+                (phase, since_mm) = (random.random_range(0.0..TAU), row.place_mm);
+            }
+            row.left += 0.5 * (TAU * row.place_mm / 1.6 + phase).sin();
+        }
+        let sum = |lines: &[(f64, Vec<f64>)]| {
+            lines.iter().map(|(_, gains)| gains.iter().sum::<f64>()).fold(0.0, f64::max)
+        };
+        let short = sum(&of_windows(&[run.clone()], WINDOWS_MM[0]));
+        let kept = sum(&periods(&[run]));
+        assert!(short > 300.0 && kept < 0.5 * short, "{kept} of {short}");
     }
 
     #[test]
