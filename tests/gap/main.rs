@@ -3,6 +3,7 @@
 #![cfg(feature = "offline")]
 
 mod behind;
+mod clocks;
 mod crossed;
 mod loops;
 mod nearby;
