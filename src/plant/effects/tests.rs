@@ -295,17 +295,13 @@ fn a_screw_winds_up_as_its_stiffness_says() {
 #[test]
 fn torques_swing_as_often_and_as_far_as_they_say() {
     // Two turns at 2 turns a second: slow enough for a stiff loop to answer in full.
+    let per_torque = paper_axis().mechanics.force_per_torque();
     for (name, values, amplitude_a, periods) in [
         ("motor-cogging", [0.2, 3.0, 0.0], 0.2, 6.0),
-        ("torque-ripple", [10.0, 4.0, 0.0], 0.1 * 951.3 / paper_axis().mechanics.force_per_torque(), 8.0),
+        ("torque-ripple", [10.0, 4.0, 0.0], 0.1 * 951.3 / per_torque, 8.0),
         ("torque-disturbance", [0.2, 5.0, 0.0], 0.2, 5.0),
-        (
-            "torque-disturbance-push",
-            [200.0, 5.0, 0.0],
-            200.0 / paper_axis().mechanics.force_per_torque(),
-            5.0,
-        ),
-        ("ball-pass-ripple", [10.0, 2.5, 0.0], 0.1 * 951.3 / paper_axis().mechanics.force_per_torque(), 5.0),
+        ("torque-disturbance-push", [200.0, 5.0, 0.0], 200.0 / per_torque, 5.0),
+        ("ball-pass-ripple", [10.0, 2.5, 0.0], 0.1 * 951.3 / per_torque, 5.0),
     ] {
         let axis = paper_axis().with_effect(entry(name).unwrap(), values);
         let mut plant = Plant::sliding(&axis, TICK, Velocity::mm_per_s(20.0), Position::ZERO);
