@@ -22,10 +22,12 @@ pub(super) fn seeds(entry: &'static Entry, peaks: &dyn Fn(&Parameter) -> Vec<f64
     nominal[0] = if nominal[0] == 0.0 { entry.parameters[0].prior } else { nominal[0] } * SHARE;
     let mut seeds = vec![nominal];
     if is_way(entry, &entry.parameters[0]) {
-        seeds.extend(WAYS.map(|share| {
-            let mut shorter = nominal;
-            shorter[0] *= share;
-            shorter
+        let [low, high] = entry.parameters[0].bounds;
+        let ways = WAYS.iter().map(|share| share * nominal[0]).filter(|way| (low..=high).contains(way));
+        seeds.extend(ways.map(|way| {
+            let mut other = nominal;
+            other[0] = way;
+            other
         }));
     }
     for place in entry.amplitudes().skip(1) {
@@ -110,8 +112,9 @@ mod tests {
     }
 
     #[test]
-    fn a_play_is_tried_at_sizes_a_decade_apart_and_an_eccentricity_at_one() {
-        for (name, place, count) in [("backlash", 0, 5), ("soft-zone", 1, 4), ("encoder-eccentricity", 0, 1)]
+    fn a_play_is_tried_at_many_sizes_and_an_eccentricity_at_one() {
+        for (name, place, count) in
+            [("backlash", 0, 5), ("presliding", 0, 4), ("soft-zone", 1, 4), ("encoder-eccentricity", 0, 1)]
         {
             let seeds = seeds(entry(name).expect("an effect"), &|_| Vec::new());
             let mut sizes: Vec<f64> =
