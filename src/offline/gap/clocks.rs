@@ -15,8 +15,8 @@ use std::f64::consts::TAU;
 use nalgebra::Complex;
 use rayon::prelude::*;
 
+use super::linear::Linear;
 use super::model::Model;
-use super::name::linear;
 use super::problem::{Problem, Residual};
 use super::runs::Run;
 use super::shortlist::gain_of;
@@ -72,7 +72,7 @@ pub(super) fn behind_s(problem: &Problem<'_>, model: &Model) -> Option<Vec<f64>>
 fn growing_s(problem: &Problem<'_>, model: &Model, spans_s: &[[f64; 2]]) -> Option<Vec<f64>> {
     let later_s = one_after_the_other_s(spans_s);
     let once = problem.first_passes();
-    let here = linear(&once, model);
+    let here = Linear::widest(&once, model);
     let [alone, together] = [&once, &once.with_clocks(&later_s)].map(|once| gain_of(once, &here, &GROWING));
     (together > alone).then_some(later_s)
 }

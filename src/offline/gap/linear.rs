@@ -141,6 +141,12 @@ pub struct Linear {
 }
 
 impl Linear {
+    /// Of a model of which nothing is known well yet, on the fitted rows.
+    pub(super) fn widest(problem: &Problem<'_>, model: &Model) -> Self {
+        let left = (Part::Fit, residuals(problem, model, Part::Fit));
+        Self::new(problem, model, left, None, &Steps::widest(model))
+    }
+
     /// Of a model that leaves these residuals of a part of the rows. The columns of coordinates that `known` has are taken from
     /// there.
     pub fn new(

@@ -16,7 +16,7 @@ use super::blocks::Blocks;
 use super::clocks;
 use super::fit::{Effort, Fitted, believed, fit, total_of};
 use super::gates::{self, Candidate, Gate, PLAIN, tried};
-use super::linear::{Linear, Steps, residuals};
+use super::linear::Linear;
 use super::louder::Louder;
 use super::model::Model;
 use super::near::{Near, ROUGHLY, is_alias, is_with_less, margin, price_of_a_number, weighed};
@@ -153,7 +153,7 @@ pub fn name<'m>(
             None => (&problem, &once, &model, [&blocks, &alone]),
         };
         let peaks = Peaks::new(search, &at.model);
-        let free = linear(&searched.holding_force(false), &at.model);
+        let free = Linear::widest(&searched.holding_force(false), &at.model);
         // What the base may not go further with makes up for no more.
         let held: Vec<usize> = at.model.at_reach().collect();
         // All passes tell more than the first of each command.
@@ -177,7 +177,7 @@ pub fn name<'m>(
         // Of all rows, where anything is to be fitted to them.
         let mut here = None;
         for promising in promising.iter().filter(|promising| !promising.is_empty()) {
-            let here = here.get_or_insert_with(|| linear(search, &at.model));
+            let here = here.get_or_insert_with(|| Linear::widest(search, &at.model));
             candidates.extend(tried(search, here, at, judged, promising, &refit));
             if candidates.iter().any(|candidate: &Candidate| candidate.failed.is_empty()) {
                 break;
@@ -346,12 +346,6 @@ fn tested(
     let test = Without::of(&louder.problem, &louder.once, &louder.fitted, last, bases);
     let is_needed = test.shows_need(&louder.problem, &louder.fitted, &louder.blocks, last);
     (test.in_terms_of(problem), is_needed)
-}
-
-/// A model where nothing of it is known well yet.
-pub(super) fn linear(problem: &Problem<'_>, model: &Model) -> Linear {
-    let left = (Part::Fit, residuals(problem, model, Part::Fit));
-    Linear::new(problem, model, left, None, &Steps::widest(model))
 }
 
 /// The most promising of a list, fitted to few rows beside the model that was fitted before, from the better of two
