@@ -36,16 +36,15 @@ pub(super) struct Row {
 /// Periods, mm, with the gain of each window of all runs. What keeps its period is as loud in all windows that are twice as long, or
 /// louder; what is loud over a band of periods, as a loop that is driven by noise, is not, and is none.
 pub(super) fn periods(runs: &[Vec<Row>]) -> Vec<(f64, Vec<f64>)> {
-    let [mut short, long] = WINDOWS_MM.map(|window_mm| of_windows(runs, window_mm));
+    let [short, long] = WINDOWS_MM.map(|window_mm| of_windows(runs, window_mm));
     let all = |gains: &[f64]| gains.iter().sum::<f64>();
     let keeps = |line: usize, gains: &[f64]| {
         let alike = (2 * line - 1..=2 * line + 1).filter(|line| LINES.contains(line));
         let loudest = alike.map(|line| &long[line - LINES.start].1).filter(|gains| !gains.is_empty());
         loudest.map(|gains| all(gains)).reduce(f64::max).is_none_or(|longer| longer >= KEPT * all(gains))
     };
-    let mut line = LINES;
-    short.retain(|(_, gains)| line.next().is_some_and(|line| keeps(line, gains)));
-    short.into_iter().chain(long).collect()
+    let kept = LINES.zip(short).filter(|(line, (_, gains))| keeps(*line, gains)).map(|(_, period)| period);
+    kept.chain(long.iter().cloned()).collect()
 }
 
 fn of_windows(runs: &[Vec<Row>], window_mm: f64) -> Vec<(f64, Vec<f64>)> {

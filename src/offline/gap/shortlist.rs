@@ -28,6 +28,7 @@ use crate::plant::effects::{CATALOGUE, Entry, Parameter, Values};
 
 /// How rows count here: a large effect puts many of them far off, and what explains those is looked for.
 const LOSS: Loss = Loss::straight(K);
+
 /// What gains less, by all passes, is not worth a fit: an amplitude of seven standard deviations gains twice as much. Of small effects
 /// that were named the least had five times as much.
 const LEAST: f64 = 24.0;
