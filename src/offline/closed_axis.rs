@@ -41,7 +41,7 @@ const ROWS_BEFORE: u8 = 3;
 /// How a measured axis moves at the first row.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Start {
-    /// Where its motor is.
+    /// Where its motor is, as its encoder shows it.
     pub position: Position,
     /// How fast it goes; at rest, friction holds it.
     pub velocity: Velocity,
@@ -144,7 +144,10 @@ impl<'a> ClosedAxis<'a> {
             Plant::sliding(plant, tick, start.velocity, start.position)
         };
         let handover = Handover::Torque(torque);
-        Self::begin(axis, settings, plant.otherwise(), moving.after(start.time), &start, handover)
+        // An encoder that shows something else would move the axis in its first rows.
+        let (moving, motor) = moving.after(start.time).showing(start.position);
+        start.position = motor;
+        Self::begin(axis, settings, plant.otherwise(), moving, &start, handover)
     }
 
     fn begin(
@@ -163,7 +166,8 @@ impl<'a> ClosedAxis<'a> {
             let position = way_back(start.velocity, tick, back);
             motor.feed(Knot { position, velocity: start.velocity });
             if back > 0 {
-                estimator.advance(start.position + position, 1);
+                let [shown, _] = plant.shown(position, position);
+                estimator.advance(start.position + shown, 1);
             }
         }
         Self {
@@ -307,6 +311,32 @@ mod tests {
     use crate::base::units::Acceleration;
     use crate::config;
     use crate::plant::effects::{Values, entry};
+
+    #[test]
+    fn an_axis_at_rest_stays_where_its_encoder_shows_it() {
+        let machine = config::load("paper").unwrap();
+        let axis = &machine.axes[AxisId::X];
+        for (name, values) in
+            [("encoder-eccentricity", [20.0, 70.0, 0.0]), ("encoder-interpolation", [0.1, 5.0, 10.0])]
+        {
+            let plant = axis.plant.with_effect(entry(name).unwrap(), values);
+            let start = Start {
+                position: Position::mm(3.217),
+                velocity: Velocity::ZERO,
+                current: Current::ZERO,
+                time: Span::ZERO,
+            };
+            let mut closed = ClosedAxis::taken_over(axis, 0, &plant, &start);
+            let setpoint = Setpoint::at_rest(start.position);
+            for row in 0..400 {
+                let shown = closed.row(&setpoint, row % 4 == 0, None);
+                let off_um = (shown.position - start.position).as_um();
+                assert!(off_um.abs() < 2e-3, "{name}, row {row}: {off_um} um");
+                assert!(shown.current.as_a().abs() < 0.01, "{name}, row {row}: {:?}", shown.current);
+                closed.pass();
+            }
+        }
+    }
 
     /// Following error, mm, and mean current, A, of the paper's axis at 20 mm/s under a control with an effect, after a
     /// second; and the largest current before.

@@ -48,6 +48,8 @@ const LEANS: [f64; 2] = [0.01, 0.02];
 const STANDS: f64 = 0.99;
 /// Steps of a tick while the table creeps, reverses or may break away.
 pub const FINE_STEPS: u32 = 10;
+/// Rounds in which the place is found that an encoder shows: what it shows too much changes by less than a tenth of a way along it.
+const SHOWN_ROUNDS: usize = 8;
 /// A dead time of the actuator is shorter than so many ticks: that of any machine file with any delay that is tried beside it, in the
 /// shortest cycle.
 pub const DEAD_TICKS_MAX: usize = 128;
@@ -314,6 +316,17 @@ impl Plant {
         let places_m = [motor, table].map(|place| self.body.origin_m + place.as_m());
         let [motor_m, table_m] = acting.reading_errors_m(places_m, &self.body.remembered);
         [motor + Position::m(motor_m), table + Position::m(table_m)]
+    }
+
+    /// The same with its motor where its encoder shows a place, and that place of the motor.
+    #[must_use]
+    pub fn showing(self, place: Position) -> (Self, Position) {
+        let (mut plant, mut motor) = (self.placed(place), place);
+        for _ in 0..SHOWN_ROUNDS {
+            motor = place - plant.shown(Position::ZERO, Position::ZERO)[0];
+            plant = plant.placed(motor);
+        }
+        (plant, motor)
     }
 
     /// What it does to the axis before it, with its table at a place.
