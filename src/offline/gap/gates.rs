@@ -219,7 +219,8 @@ pub(super) fn tried(
     let mut all: Vec<Fitted> = promising.par_iter().flat_map_iter(both).collect();
     all.sort_by(|a, b| a.total.total_cmp(&b.total));
     let mut seen = BTreeSet::new();
-    all.retain(|fitted| seen.insert(last_of(&fitted.model)));
+    // Of the laws that an effect may follow the best.
+    all.retain(|fitted| seen.insert(fitted.model.effects.last().map(|tried| tried.entry.effect())));
     let judged = |fitted| judged(problem, without, blocks, fitted);
     all.into_par_iter().map(judged).collect()
 }

@@ -17,7 +17,7 @@ const AT_BOUND: f64 = 1e-4;
 const ONCE_A_TURN: f64 = 3e-3;
 /// An effect, another that changes much the same, and the values of that one.
 type Alike = (&'static str, &'static str, fn(&Values) -> Values);
-const ALIKE: [Alike; 5] = [
+const ALIKE: [Alike; 7] = [
     ("actuator-delay", "current-loop-lag", |values| [values[0], 0.0, 0.0]),
     ("current-loop-lag", "actuator-delay", |values| [values[0], 0.0, 0.0]),
     // A zone that is all soft is play, from one of its ends to the other.
@@ -26,6 +26,9 @@ const ALIKE: [Alike; 5] = [
     ("backlash", "soft-zone", |values| [60.0, values[0] / 1.2, 0.0]),
     // What has grown before anybody looks is a scale.
     ("thermal-growth", "scale-error", |values| [values[0], 0.0, 0.0]),
+    // Which one a control has is told at the bottom alone.
+    ("command-filter", "command-filter-by-rows", |values| *values),
+    ("command-filter-by-rows", "command-filter", |values| *values),
 ];
 
 /// An effect with the values it is tried with.

@@ -5,7 +5,7 @@
 //!   x_set ──► lag T ──► K_p (1 + p) ──► velocity loop (1 + v) ──► + A sign(v_set) exp(-(t / T_A)^n) ──► i_c
 //! ```
 //!
-//! The lag is exact for straight lines between setpoints. The pulse begins in the row in which the command has turned
+//! The lag is exact for straight lines between setpoints, or goes a share of the way to the setpoint in each row. The pulse begins in the row in which the command has turned
 //! back, which is before the axis does. Units: m, s, A.
 //! Invariant: [`Otherwise::NOTHING`] changes no bit.
 
@@ -25,6 +25,8 @@ pub struct Otherwise {
     pub velocity_gain: f64,
     /// By which the loops get setpoints late.
     pub(super) lag_s: f64,
+    /// Whether it goes a share of the way to the setpoint in each row, as a control computes it.
+    pub(super) lags_by_rows: bool,
     pub(super) pulse_a: f64,
     pub(super) decay_s: f64,
     /// 1: it fades as an exponential; many: it is even, and ends with its time.
@@ -48,6 +50,7 @@ impl Otherwise {
         position_gain: 1.0,
         velocity_gain: 1.0,
         lag_s: 0.0,
+        lags_by_rows: false,
         pulse_a: 0.0,
         decay_s: 1.0,
         exponent: 1.0,
@@ -60,19 +63,21 @@ impl Otherwise {
         }
         let now =
             [setpoint.position.as_m(), setpoint.velocity.as_m_per_s(), setpoint.acceleration.as_m_per_s2()];
+        let keep = libm::exp(-row.as_s() / self.lag_s);
+        // Of a straight line it is behind by so many rows.
+        let rows = if self.lags_by_rows { keep / (1.0 - keep) } else { self.lag_s / row.as_s() };
         let late = match remembered.last {
             // As if it had come with this acceleration for ever.
             None => {
-                let velocity = now[1] - self.lag_s * now[2];
-                [now[0] - self.lag_s * velocity, velocity, now[2]]
+                let behind_s = rows * row.as_s();
+                let velocity = now[1] - behind_s * now[2];
+                let by_rows_s = if self.lags_by_rows { 0.5 * row.as_s() } else { 0.0 };
+                [now[0] - behind_s * (velocity - by_rows_s * now[2]), velocity, now[2]]
             }
-            Some((before, late)) => {
-                let (rows, keep) = (self.lag_s / row.as_s(), libm::exp(-row.as_s() / self.lag_s));
-                std::array::from_fn(|of| {
-                    let steady = rows * (now[of] - before[of]);
-                    now[of] - steady + (late[of] - before[of] + steady) * keep
-                })
-            }
+            Some((before, late)) => std::array::from_fn(|of| {
+                let steady = rows * (now[of] - before[of]);
+                now[of] - steady + (late[of] - before[of] + steady) * keep
+            }),
         };
         remembered.last = Some((now, late));
         Some(Setpoint {
@@ -140,6 +145,42 @@ mod tests {
         }
         let left = (stop.position - late.position).as_mm() / (20.0 * 8e-3);
         assert!((left - (-1.0_f64).exp()).abs() < 1e-9, "{left} of the lag after a time constant");
+    }
+
+    #[test]
+    fn a_lag_by_rows_goes_a_share_of_the_way_in_each_and_is_half_a_row_less_behind() {
+        let filter = with("command-filter-by-rows", [8.0, 0.0, 0.0]);
+        let keep = (-0.5_f64 / 8.0).exp();
+        let mut remembered = Remembered::default();
+        // As if it had come with this acceleration for ever: no row knows which is the first.
+        let parabola = |row: i32| {
+            let (t, mm_per_s2) = (f64::from(row) * ROW.as_s(), 4_000.0);
+            Setpoint {
+                position: Position::mm(0.5 * mm_per_s2 * t * t),
+                velocity: Velocity::mm_per_s(mm_per_s2 * t),
+                acceleration: Acceleration::m_per_s2(1e-3 * mm_per_s2),
+            }
+        };
+        let late: Vec<Setpoint> = (100..200)
+            .map(|row| filter.late(&mut remembered, &parabola(row), ROW).expect("a filter"))
+            .collect();
+        for (row, late) in (101..200).zip(late.windows(2)) {
+            let wanted = keep * late[0].position.as_mm() + (1.0 - keep) * parabola(row).position.as_mm();
+            assert!((late[1].position.as_mm() - wanted).abs() < 1e-9, "row {row}: {late:?}");
+        }
+        let third = |of: &dyn Fn(usize) -> f64| of(3) - 3.0 * of(2) + 3.0 * of(1) - of(0);
+        assert!(third(&|row| late[row].position.as_mm()).abs() < 1e-12, "it begins as it goes on");
+
+        let mut remembered = Remembered::default();
+        let behind_mm: Vec<f64> = (0..50)
+            .map(|row| {
+                let late = filter.late(&mut remembered, &ramp(row), ROW).expect("a filter");
+                (ramp(row).position - late.position).as_mm()
+            })
+            .collect();
+        // To second order in the row; the next term is a twelfth of it over the time.
+        let wanted_mm = 20.0 * (8.0 - 0.25 + 0.5 * 0.5 / 12.0 / 8.0) * 1e-3;
+        assert!(behind_mm.iter().all(|behind| (behind - wanted_mm).abs() < 1e-5), "{behind_mm:?}");
     }
 
     #[test]

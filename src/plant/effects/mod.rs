@@ -101,6 +101,7 @@ pub const CATALOGUE: &[Entry] = &[
     cross_coupling::PUSH,
     servo_gain_mismatch::ENTRY,
     command_filter::ENTRY,
+    command_filter::BY_ROWS,
     reversal_compensation::ENTRY,
 ];
 
