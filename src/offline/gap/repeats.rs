@@ -19,6 +19,9 @@ use crate::offline::median::median;
 /// What was different before a repeat fades for so long, s. Two motions from rest differ by how each was wound up there, and by hundredths
 /// of a micrometre after the second; a first lap and a second by all of the start.
 const FADES_S: [f64; 2] = [FADE_S, 0.6];
+/// What comes again within a minute tells noise; what is later differs by what grows over a session too, so that it tells of runs of which
+/// nothing else does. s.
+const APART_S: [f64; 2] = [60.0, f64::INFINITY];
 /// Rows by which two motions may begin apart.
 const ROWS_APART: usize = 2;
 /// What comes again tells of a run that is faster or slower by no more than so many times: a circle of one axis has all speeds below its
@@ -98,12 +101,14 @@ enum Place {
 struct Way {
     fade_s: f64,
     place: Place,
+    apart_s: f64,
 }
 
 impl Way {
     /// To these places, the surest first.
     fn all(places: &[Place]) -> impl Iterator<Item = Self> {
-        FADES_S.into_iter().flat_map(|fade_s| places.iter().map(move |place| Self { fade_s, place: *place }))
+        let to = |fade_s: f64, place: Place| APART_S.map(|apart_s| Self { fade_s, place, apart_s });
+        FADES_S.into_iter().flat_map(move |fade_s| places.iter().flat_map(move |place| to(fade_s, *place)))
     }
 
     /// The repeats of some runs, in themselves and with any other.
@@ -139,7 +144,7 @@ impl Way {
             .enumerate()
             .skip(index + 1)
             .filter(move |(other, _)| asked.contains(&index) || asked.contains(other))
-            .filter(move |(_, twin)| self.is_same_command(run, twin))
+            .filter(move |(_, twin)| self.is_near(run, twin) && self.is_same_command(run, twin))
             .filter_map(move |(other, twin)| {
                 let rows = [self.rows(run), run.len().min(twin.len()) - 1];
                 (rows[1] > rows[0]).then_some(Repeat {
@@ -149,6 +154,11 @@ impl Way {
                     rows,
                 })
             })
+    }
+
+    /// Whether a run begins soon enough after another, or before it.
+    fn is_near(self, run: &Run, twin: &Run) -> bool {
+        (run.start_s - twin.start_s).abs() <= self.apart_s
     }
 
     fn is_same_command(self, run: &Run, twin: &Run) -> bool {
@@ -190,7 +200,7 @@ impl Way {
                     passed.iter().rev().filter(|(other, _)| alone.contains(other) || alone.contains(&index));
                 let mut earlier = earlier.filter(|(_, rows)| rows.len().abs_diff(motion.len()) <= ROWS_APART);
                 found.extend(earlier.find_map(|(other, rows)| {
-                    let earlier = &runs[*other];
+                    let earlier = Some(&runs[*other]).filter(|earlier| self.is_near(earlier, run))?;
                     let rows = rows.start..rows.end.min(rows.start + motion.len());
                     let first = motion.start.saturating_sub(ROWS_APART)..=motion.start + ROWS_APART;
                     let first =
@@ -233,6 +243,16 @@ mod tests {
         let opposite = repeats(&[here, other]);
         assert_eq!(opposite[0].what, What::Opposite(AxisId::X), "{opposite:?}");
         assert!(of(&[motion(0.0, 0.02), motion(0.1, 0.03)]).is_empty());
+    }
+
+    #[test]
+    fn what_comes_again_much_later_tells_only_of_what_nothing_else_does() {
+        let at = |run: Run, start_s: f64| Run { start_s, ..run };
+        let of = |runs: &[Run]| repeats(runs).iter().map(|repeat| repeat.runs).collect::<Vec<_>>();
+        let run = motion(0.0, 0.02);
+        let hour = [0.0, 20.0, 3_600.0].map(|start_s| at(run.clone(), start_s));
+        assert_eq!(of(&hour), [[0, 1]]);
+        assert_eq!(of(&[hour[0].clone(), hour[2].clone()]), [[0, 1]], "nothing else comes again");
     }
 
     /// Circles of both axes one after the other, each of so many laps of so many rows, with rests before, between and behind; the sign tells
