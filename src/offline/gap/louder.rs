@@ -11,6 +11,8 @@ use super::refit::{ITERATIONS, ended};
 
 /// Where the knee of the loss would have to be so many times as far, the search takes noise for louder than it is.
 const LOUDER: f64 = 2.0;
+/// It goes on while what is left falls to this share of it.
+const FALLS: f64 = 0.8;
 
 /// How many times too loud what a model leaves is for the knee of the loss.
 fn beyond(problem: &Problem<'_>, model: &Model) -> f64 {
@@ -20,6 +22,22 @@ fn beyond(problem: &Problem<'_>, model: &Model) -> f64 {
 /// Whether a model leaves so much that the bounded loss does not tell which way is down.
 pub(super) fn is_much_left(problem: &Problem<'_>, model: &Model) -> bool {
     beyond(problem, model) >= LOUDER
+}
+
+/// Where a model ends by noise that is as loud as what it leaves, again and again while that falls: at once by noise as it is, most rows
+/// are too far off to lead anywhere.
+pub(super) fn led_down(problem: &Problem<'_>, model: &Model) -> Model {
+    let mut model = model.clone();
+    let mut by = beyond(problem, &model);
+    while by >= LOUDER {
+        let nearer = ended(&problem.louder(by), &model);
+        let left = beyond(problem, &nearer);
+        if left > FALLS * by {
+            break;
+        }
+        (model, by) = (nearer, left);
+    }
+    model
 }
 
 /// A search in which noise counts as louder than it is.

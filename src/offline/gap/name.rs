@@ -22,7 +22,8 @@ use super::model::Model;
 use super::near::{Near, ROUGHLY, is_alias, is_with_less, margin, price_of_a_number, weighed};
 use super::problem::{Part, Problem};
 use super::refit::{
-    ITERATIONS, REACH, another_way, base_refitted, coarsely, coarsely_from, ended, is_far, refitted, scale,
+    ITERATIONS, REACH, anew, another_way, base_refitted, coarsely, coarsely_from, ended, is_far, refitted,
+    scale,
 };
 use super::shortlist::{Scored, shortlist};
 use super::smallest::Smallest;
@@ -130,10 +131,13 @@ pub fn name<'m>(
     progress: &(dyn Fn(&str) + Sync),
 ) -> (Named, Problem<'m>) {
     progress("fitting the base model");
-    let (mut problem, mut coarse, led) = coarsely(as_it_is, &usual::with(start));
+    let filed = usual::with(start);
+    let (mut problem, mut coarse, led) = coarsely(as_it_is, &filed);
     // What has one valley and was led by no stick and slip is where other ways begin.
     let (start, usual) = (&led, led.effects.len());
     let clocks_behind_s = clocks::behind_s(&problem, &coarse.model);
+    let clocked = clocks_behind_s.as_ref().map(|behind_s| as_it_is.with_clocks(behind_s));
+    let as_it_is = clocked.as_ref().unwrap_or(as_it_is);
     if let Some(behind_s) = &clocks_behind_s {
         problem = problem.with_clocks(behind_s);
     }
@@ -193,10 +197,7 @@ pub fn name<'m>(
             }
             progress("fitting the base model by another way");
             has_turned = true;
-            let clocked = clocks_behind_s.as_ref().map(|behind_s| as_it_is.with_clocks(behind_s));
-            let Some(other) = another_way(clocked.as_ref().unwrap_or(as_it_is), start, &coarse.model) else {
-                break;
-            };
+            let Some(other) = another_way(as_it_is, start, &coarse.model) else { break };
             (problem, coarse) = other;
             once = problem.first_passes();
             (model, blocks) = (coarse.clone(), Blocks::new(&problem, &coarse.model));
@@ -283,6 +284,13 @@ pub fn name<'m>(
             } else {
                 fit(&problem, &model.model, Effort::Fine, None)
             };
+            // The base had gone far to make up for it, and stands in no valley that it would find with the effect.
+            if louder.is_some() || before.model.is_strained() {
+                let (near, other) = anew(as_it_is, &model.model, &filed);
+                if total_of(&problem, &other.model) < model.total {
+                    (once, problem, model) = (near.first_passes(), near, other);
+                }
+            }
             blocks = Blocks::new(&problem, &model.model);
             alone = Blocks::new(&problem, &coarse.model);
         }
@@ -324,8 +332,7 @@ pub fn name<'m>(
     refused.extend(told.refused);
     smallest.retain(|one| effects.iter().all(|named| named.name != one.name));
     let blocks = [&base, &told.model].map(|fitted| Blocks::new(&problem, &fitted.model));
-    let model = told.model;
-    let rows = problem.counts();
+    let (model, rows) = (told.model, problem.counts());
     (Named { clocks_behind_s, base, model, blocks, effects, refused, smallest, rows }, problem)
 }
 

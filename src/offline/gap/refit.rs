@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::fit::{Effort, Fitted, LEAST_PER_ROW, fit, total_of};
 use super::gates::PLAIN;
-use super::louder::is_much_left;
+use super::louder::{is_much_left, led_down};
 use super::model::Model;
 use super::problem::{Part, Problem};
 use super::twin::BASE;
@@ -166,6 +166,15 @@ pub(super) fn another_way<'m>(
     let other = by_way(&problem.first_passes(), led, 1);
     let [other_total, total] = [&other, base].map(|model| total_of(problem, model));
     (other_total < FAR * total).then(|| about(problem, &other))
+}
+
+/// The effects of a model fitted to the bottom beside the base of the file, as that was without them; with the problem in which rows count by
+/// how straight it is about them.
+pub(super) fn anew<'m>(problem: &Problem<'m>, model: &Model, filed: &Model) -> (Problem<'m>, Fitted) {
+    let begun = Model { base: filed.base, ..model.clone() };
+    let (near, coarse, _) = coarsely(problem, &led_down(&problem.first_passes(), &begun));
+    let fitted = fit(&near, &coarse.model, Effort::Fine, None);
+    (near, fitted)
 }
 
 /// A model fitted coarsely, from where it stands and from another base.
