@@ -11,7 +11,7 @@ use super::screw_ripple::ripple;
 pub(super) const ENTRY: Entry = Entry {
     name: "ball-pass-ripple",
     summary: "friction that swings with the balls of the nut",
-    equation: "F(v) (1 + a sin(2π n x / lead + φ))",
+    equation: "F(v) (1 + a sin(n θ + φ))",
     parameters: &[
         Parameter::new("share-percent", "%", [0.0, 50.0], 2.0, 1.5),
         Parameter::new("periods-per-turn", "", [2.1, 100.0], 7.3, 3.0).per_turn(),

@@ -11,7 +11,7 @@ use std::f64::consts::TAU;
 
 use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
 use super::hooks::{Action, Friction, Instant};
-use super::screw_ripple::Ripple;
+use super::screw_ripple::Swinging;
 
 pub(super) const ENTRY: Entry = Entry {
     name: "position-dependent-friction",
@@ -36,11 +36,11 @@ pub(super) const WAVE: Entry = Entry {
     ],
     law_of: Some("position-dependent-friction"),
     action: Action::Friction(|values, _| {
-        Box::new(Ripple {
+        Box::new(Wave(Swinging {
             share: 1e-2 * values[0],
             rad_per_m: TAU / (1e-3 * values[1]),
             phase_rad: values[2].to_radians(),
-        })
+        }))
     }),
     ..ENTRY
 };
@@ -70,6 +70,15 @@ struct Slope {
 impl Friction for Slope {
     fn factor(&self, at: &Instant) -> f64 {
         (1.0 + self.share_per_m * at.table_m).max(0.0)
+    }
+}
+
+#[derive(Debug)]
+struct Wave(Swinging);
+
+impl Friction for Wave {
+    fn factor(&self, at: &Instant) -> f64 {
+        self.0.factor(at.table_m)
     }
 }
 

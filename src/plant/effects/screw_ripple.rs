@@ -1,10 +1,10 @@
 //! Screw ripple: friction of nut and bearings that comes back with each turn of the screw, or with each half of it.
 //!
 //! ```text
-//!   F(v, x) = F(v) (1 + a sin(2π n x / lead + φ))
+//!   F(v, θ) = F(v) (1 + a sin(n θ + φ))
 //! ```
 //!
-//! `x` is the position of the table; the factor acts on the whole law of Eq. (1), on the break-away force as on
+//! `θ` is the angle of the motor, which a table under load lags behind: by 2° of a ball-pass ripple, one way and the other. The factor acts on the whole law of Eq. (1), on the break-away force as on
 //! the sliding one, and is the same at all speeds and both ways. 1 to 5 % are usual; once a turn where screw or bearings
 //! run out, twice where the screw is bent or the nut oval. More often it is `ball_pass_ripple`. A further harmonic has
 //! values of its own. Real screws also have a share that grows with preload.
@@ -19,7 +19,7 @@ use super::hooks::{Action, Friction, Instant};
 pub(super) const ENTRY: Entry = Entry {
     name: "screw-ripple",
     summary: "friction that comes back with each turn of the screw",
-    equation: "F(v) (1 + a sin(2π n x / lead + φ))",
+    equation: "F(v) (1 + a sin(n θ + φ))",
     parameters: &[
         Parameter::new("share-percent", "%", [0.0, 50.0], 5.0, 4.0),
         Parameter::new("periods-per-turn", "", [0.5, 2.1], 1.0, 1.0).whole().per_turn(),
@@ -41,24 +41,34 @@ pub(super) const HARMONIC: Entry = Entry {
 
 /// A ripple of this share, so many periods in a turn and this phase.
 pub(super) fn ripple(values: &Values, axis: &Parameters) -> Box<dyn Friction> {
-    Box::new(Ripple {
+    Box::new(Ripple(Swinging {
         share: 1e-2 * values[0],
         rad_per_m: values[1] * TAU / axis.mechanics.lead_m,
         phase_rad: values[2].to_radians(),
-    })
+    }))
 }
 
-/// Friction that swings along the travel, with its divisions done.
+/// Friction that swings with the angle of the screw.
 #[derive(Debug)]
-pub(super) struct Ripple {
+struct Ripple(Swinging);
+
+impl Friction for Ripple {
+    fn factor(&self, at: &Instant) -> f64 {
+        self.0.factor(at.motor_m)
+    }
+}
+
+/// A friction that swings along a way, with its divisions done.
+#[derive(Debug)]
+pub(super) struct Swinging {
     pub(super) share: f64,
     pub(super) rad_per_m: f64,
     pub(super) phase_rad: f64,
 }
 
-impl Friction for Ripple {
-    fn factor(&self, at: &Instant) -> f64 {
-        1.0 + self.share * libm::sin(at.table_m * self.rad_per_m + self.phase_rad)
+impl Swinging {
+    pub(super) fn factor(&self, place_m: f64) -> f64 {
+        1.0 + self.share * libm::sin(place_m * self.rad_per_m + self.phase_rad)
     }
 }
 
@@ -106,6 +116,27 @@ mod tests {
         // At 2 Hz the stiff loop and the inertia change the answer by less than 1 %.
         assert!((share - 0.05).abs() < 5e-4, "{share}");
         assert!((phase - 0.7).abs() < 0.05, "{phase} rad");
+    }
+
+    #[test]
+    fn it_goes_with_the_angle_of_the_screw_and_not_with_the_table_behind_it() {
+        let ripple = ripple(&[5.0, 7.6, 30.0], &paper_axis());
+        let at = |motor_m: f64, table_m: f64| {
+            ripple.factor(&Instant {
+                motor_m,
+                table_m,
+                table_m_per_s: 0.0,
+                deflection_m: motor_m - table_m,
+                drive_n: 0.0,
+                screw_n: 0.0,
+                speed_m_per_s: 0.0,
+                side: 1.0,
+                time_s: 0.0,
+            })
+        };
+        assert_eq!(at(3e-3, 3e-3), at(3e-3, 2.99e-3));
+        let wanted = 1.0 + 0.05 * (7.6 * TAU * 3e-3 / 10e-3 + TAU / 12.0).sin();
+        assert!((at(3e-3, 2.99e-3) - wanted).abs() < 1e-12);
     }
 
     #[test]
