@@ -2,6 +2,7 @@
 //! nothing is named.
 #![cfg(feature = "offline")]
 
+mod anew;
 mod behind;
 mod clocks;
 mod crossed;
