@@ -1,4 +1,4 @@
-//! Promise: what is thousands of times the noise is named by itself, though the base had gone far to make up for it.
+//! Promise: what is thousands of times the noise is named by itself, with its value to a thousandth.
 
 use quadrant::config;
 use quadrant::offline::gap::verdict::Verdict;
