@@ -35,13 +35,7 @@ pub(super) const WAVE: Entry = Entry {
         Parameter::PHASE,
     ],
     law_of: Some("position-dependent-friction"),
-    action: Action::Friction(|values, _| {
-        Box::new(Wave(Swinging {
-            share: 1e-2 * values[0],
-            rad_per_m: TAU / (1e-3 * values[1]),
-            phase_rad: values[2].to_radians(),
-        }))
-    }),
+    action: Action::Friction(|values, _| Box::new(Wave(Swinging::new(TAU / (1e-3 * values[1]), values)))),
     ..ENTRY
 };
 

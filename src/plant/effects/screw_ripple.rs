@@ -41,11 +41,7 @@ pub(super) const HARMONIC: Entry = Entry {
 
 /// A ripple of this share, so many periods in a turn and this phase.
 pub(super) fn ripple(values: &Values, axis: &Parameters) -> Box<dyn Friction> {
-    Box::new(Ripple(Swinging {
-        share: 1e-2 * values[0],
-        rad_per_m: values[1] * TAU / axis.mechanics.lead_m,
-        phase_rad: values[2].to_radians(),
-    }))
+    Box::new(Ripple(Swinging::new(values[1] * TAU / axis.mechanics.lead_m, values)))
 }
 
 /// Friction that swings with the angle of the screw.
@@ -61,12 +57,17 @@ impl Friction for Ripple {
 /// A friction that swings along a way, with its divisions done.
 #[derive(Debug)]
 pub(super) struct Swinging {
-    pub(super) share: f64,
-    pub(super) rad_per_m: f64,
-    pub(super) phase_rad: f64,
+    share: f64,
+    rad_per_m: f64,
+    phase_rad: f64,
 }
 
 impl Swinging {
+    /// With the share and the phase of these values.
+    pub(super) fn new(rad_per_m: f64, values: &Values) -> Self {
+        Self { share: 1e-2 * values[0], rad_per_m, phase_rad: values[2].to_radians() }
+    }
+
     pub(super) fn factor(&self, place_m: f64) -> f64 {
         1.0 + self.share * libm::sin(place_m * self.rad_per_m + self.phase_rad)
     }
