@@ -44,7 +44,9 @@ pub(super) fn periods(runs: &[Vec<Row>]) -> Vec<(f64, Vec<f64>)> {
         loudest.map(|gains| all(gains)).reduce(f64::max).is_none_or(|longer| longer >= KEPT * all(gains))
     };
     let kept = LINES.zip(short).filter(|(line, (_, gains))| keeps(*line, gains)).map(|(_, period)| period);
-    kept.chain(long.iter().cloned()).collect()
+    let mut periods: Vec<(f64, Vec<f64>)> = kept.collect();
+    periods.extend(long);
+    periods
 }
 
 fn of_windows(runs: &[Vec<Row>], window_mm: f64) -> Vec<(f64, Vec<f64>)> {
