@@ -13,8 +13,8 @@ use crate::plant::effects::{Entry, Parameter, VALUES_MAX, Values, entry};
 
 /// Values so near to a bound are at it, as a share of what is between both.
 const AT_BOUND: f64 = 1e-4;
-/// Priors by which a machine file is not off.
-const STRAINED: f64 = 3.0;
+/// More priors than this a base goes only to make up for something.
+const GONE_FAR: f64 = 3.0;
 /// A swing is one of once a turn where its period is so near to the lead, as a share.
 const ONCE_A_TURN: f64 = 3e-3;
 /// An effect, another that changes much the same, and the values of that one.
@@ -122,9 +122,9 @@ impl Model {
         twin_of(tried).is_some() && self.effects.iter().any(|own| twin_of(own).is_some_and(is_twin))
     }
 
-    /// Whether a parameter of the base is further from what the file says than a file is off.
-    pub(super) fn is_strained(&self) -> bool {
-        BASE.iter().zip(&self.base).any(|(base, at)| !base.is_zero() && at.abs() > STRAINED)
+    /// Whether a parameter of the base is so far from what the file says that it makes up for something.
+    pub(super) fn has_gone_far(&self) -> bool {
+        BASE.iter().zip(&self.base).any(|(base, at)| !base.is_zero() && at.abs() > GONE_FAR)
     }
 
     /// What it is simulated with.

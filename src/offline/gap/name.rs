@@ -285,7 +285,7 @@ pub fn name<'m>(
                 fit(&problem, &model.model, Effort::Fine, None)
             };
             // The base had gone far to make up for it, and stands in no valley that it would find with the effect.
-            if louder.is_some() || before.model.is_strained() {
+            if louder.is_some() || before.model.has_gone_far() {
                 let (near, other) = anew(as_it_is, &model.model, &filed);
                 if total_of(&problem, &other.model) < model.total {
                     (once, problem, model) = (near.first_passes(), near, other);
