@@ -44,8 +44,9 @@ use maps::Motion;
 /// Shares of what friction holds: a standing table that is pulled with the second and more leans on a flank; with the first and less it is
 /// taken to hang free between both, for that may be the noise of a current.
 const LEANS: [f64; 2] = [0.01, 0.02];
-/// Share of break-away that a table at rest is taken to stand: at its end any rounding of a current would let it slip.
-const STANDS: f64 = 0.99;
+/// Share of break-away that a table at rest is taken to stand: at its end any rounding of a current would let it slip. A table that creeps
+/// to rest stands within two thousandths of it, and what is cut off there is missing where it moves on.
+const STANDS: f64 = 0.999;
 /// Steps of a tick while the table creeps, reverses or may break away.
 pub const FINE_STEPS: u32 = 10;
 /// Rounds in which the place is found that an encoder shows: what it shows too much changes by less than a tenth of a way along it.
