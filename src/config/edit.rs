@@ -18,7 +18,7 @@ use toml_edit::{Decor, DocumentMut, Item, RawString, Table, TableLike, Value};
 use super::machine_file;
 use super::problem::FileProblems;
 use super::sheet_file::Shelf;
-use super::{LoadError, Machine};
+use super::{LoadError, Machine, Purpose};
 
 /// Why a machine file was not changed.
 #[derive(Debug, thiserror::Error)]
@@ -205,9 +205,11 @@ fn parsed(path: &Path, text: &str) -> Result<DocumentMut, EditError> {
     text.parse().map_err(|cause| EditError::Grammar { path: path.to_owned(), cause })
 }
 
+// What analysis found is of the machine, whatever the load of its bus.
 fn read(path: &Path, text: &str) -> Result<Machine, Box<FileProblems>> {
     let none = Default::default();
-    machine_file::read(&path.display().to_string(), text, Shelf::new(&none, path.parent())).map_err(Box::new)
+    machine_file::read(Purpose::Files, &path.display().to_string(), text, Shelf::new(&none, path.parent()))
+        .map_err(Box::new)
 }
 
 /// What stands around a value, with the comment in its column for one that takes its place.

@@ -2,6 +2,7 @@
 //! of each value. Truths between values are in `rules.rs`.
 //! Invariant: every key of the file is asked for here, and nowhere else.
 
+use super::Purpose;
 use super::machine::{AXIS_NAMES, Axis, BusSettings, Cycle, Machine, Motion, Supervision, VelocityForm};
 use super::problem::FileProblems;
 use super::reader::{Notes, Section, parse};
@@ -22,7 +23,12 @@ use crate::rt::wire::scaling::{AxisScale, ScaleSettings, Sense};
 use crate::rt::wire::{Layout, Node};
 
 /// Read a machine with the sheets of a shelf.
-pub(super) fn read(source: &str, text: &str, shelf: Shelf<'_>) -> Result<Machine, FileProblems> {
+pub(super) fn read(
+    purpose: Purpose,
+    source: &str,
+    text: &str,
+    shelf: Shelf<'_>,
+) -> Result<Machine, FileProblems> {
     let table = parse(source, text)?;
     let notes = Notes::default();
     let root = Section::root(&table, &notes);
@@ -49,7 +55,7 @@ pub(super) fn read(source: &str, text: &str, shelf: Shelf<'_>) -> Result<Machine
         gain_sets,
         axes,
     };
-    rules::check(&root, &machine);
+    rules::check(&root, &machine, purpose);
     root.close();
     notes.into_result(source, text, machine)
 }

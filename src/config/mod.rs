@@ -57,17 +57,33 @@ pub enum LoadError {
     Problems(#[from] Box<FileProblems>),
 }
 
-/// The machine of a file, or an embedded one by its name.
+/// What a machine is wanted for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Purpose {
+    /// Its cycle is run, so all of its frames must have time on the bus.
+    Bus,
+    /// Its runs are files, whoever recorded them and over whatever bus.
+    Files,
+}
+
+/// The machine of a file, or an embedded one by its name, to run its cycle.
 pub fn load(name_or_path: &str) -> Result<Machine, LoadError> {
+    load_for(Purpose::Bus, name_or_path)
+}
+
+/// The same for a purpose.
+pub fn load_for(purpose: Purpose, name_or_path: &str) -> Result<Machine, LoadError> {
     let none = BTreeMap::new();
+    let read = |source: &str, text: &str, folder: Option<&Path>| {
+        machine_file::read(purpose, source, text, Shelf::new(&none, folder)).map_err(Box::new)
+    };
     if let Some((name, text)) = EMBEDDED.into_iter().find(|(name, _)| *name == name_or_path) {
-        return Ok(machine_file::read(&format!("{name} (embedded)"), text, Shelf::new(&none, None))
-            .map_err(Box::new)?);
+        return Ok(read(&format!("{name} (embedded)"), text, None)?);
     }
     let path = Path::new(name_or_path);
     let text = std::fs::read_to_string(path)
         .map_err(|cause| LoadError::Unreadable { path: path.to_owned(), cause })?;
-    Ok(machine_file::read(name_or_path, &text, Shelf::new(&none, path.parent())).map_err(Box::new)?)
+    Ok(read(name_or_path, &text, path.parent())?)
 }
 
 /// A machine from its text and the texts of its board sheets, as a log carries them.
@@ -76,5 +92,5 @@ pub fn from_texts(
     text: &str,
     sheets: &BTreeMap<String, String>,
 ) -> Result<Machine, Box<FileProblems>> {
-    machine_file::read(source, text, Shelf::new(sheets, None)).map_err(Box::new)
+    machine_file::read(Purpose::Bus, source, text, Shelf::new(sheets, None)).map_err(Box::new)
 }

@@ -5,6 +5,7 @@
 //! `machine_file.rs`; what is allowed but worth a look is a warning of `quadrant check`.
 //! Invariant: a machine that passed keeps every promise that constructors below `config` rely on.
 
+use super::Purpose;
 use super::bus_load::BusLoad;
 use super::machine::{AXIS_NAMES, Axis, Machine};
 use super::reader::Section;
@@ -21,12 +22,15 @@ const HEARTBEATS_MIN: f64 = 2.0;
 const COUNTS_BETWEEN_SAMPLES_MAX: f64 = 2_147_483_648.0;
 
 /// Judge a machine as it was read.
-pub(super) fn check(root: &Section<'_>, machine: &Machine) {
+pub(super) fn check(root: &Section<'_>, machine: &Machine, purpose: Purpose) {
     if machine.name.trim().is_empty() {
         root.conflict("name", &[], "is empty", "wanted is what people call the machine");
     }
     cycle(root, machine);
-    bus(root, machine);
+    rates(root, machine);
+    if purpose == Purpose::Bus {
+        frames(root, machine);
+    }
     for (id, axis) in machine.axes.iter() {
         let name = AXIS_NAMES[id.index()];
         let key = |key: &str| format!("axis.{name}.{key}");
@@ -55,8 +59,7 @@ fn cycle(root: &Section<'_>, machine: &Machine) {
     }
 }
 
-/// A cycle is: SYNC, feedback within the reply window, commands before the next SYNC.
-fn bus(root: &Section<'_>, machine: &Machine) {
+fn rates(root: &Section<'_>, machine: &Machine) {
     let rates = &machine.bus;
     if rates.data_bit_per_s < rates.nominal_bit_per_s {
         let [data, nominal] = [rates.data_bit_per_s, rates.nominal_bit_per_s].map(|rate| rate / 1_000);
@@ -65,6 +68,10 @@ fn bus(root: &Section<'_>, machine: &Machine) {
         let others = ["bus.nominal-bit-rate-kbit-per-s"];
         root.conflict("bus.data-bit-rate-kbit-per-s", &others, title, label);
     }
+}
+
+/// A cycle is: SYNC, feedback within the reply window, commands before the next SYNC.
+fn frames(root: &Section<'_>, machine: &Machine) {
     let load = BusLoad::of(machine);
     let [period_us, window_us] = [machine.cycle.period, machine.cycle.reply_window].map(Span::as_us);
     let [replies_us, commands_us] = [load.replies_s, load.commands_s].map(|s| s * 1e6);

@@ -8,8 +8,9 @@ mod slips;
 
 use std::path::Path;
 
+use quadrant::config::edit::MachineFile;
 use quadrant::config::problem::FileProblems;
-use quadrant::config::{self, LoadError};
+use quadrant::config::{self, LoadError, Purpose};
 use quadrant::rt::thread;
 
 const REFERENCE: &str = include_str!("../../firmware-config/machines/reference.toml");
@@ -88,6 +89,24 @@ fn a_fast_axis_is_fine_as_long_as_its_encoder_cannot_wrap_unseen() {
     let text = changed(REFERENCE, "counts-per-mm = 100000", "counts-per-mm = 268_435_456");
     let text = changed(&text, "velocity-mm-per-s = 250.0", "velocity-mm-per-s = 355.5");
     assert!(config::from_texts("fine.toml", &text, &Default::default()).is_ok(), "355.5 mm/s are told apart");
+}
+
+#[test]
+fn a_cycle_too_short_for_its_bus_runs_no_machine_and_tells_what_files_hold() {
+    let folder = tempfile::tempdir().expect("a folder for the file");
+    let path = folder.path().join("fast.toml");
+    let text = changed(REFERENCE, "period-us = 500", "period-us = 250");
+    let text = changed(&text, "reply-window-us = 300", "reply-window-us = 150");
+    std::fs::write(&path, changed(&text, "position-loop-every-cycles = 4", "position-loop-every-cycles = 8"))
+        .expect("the file can be written");
+    let name = path.to_string_lossy();
+    let error = config::load(&name).expect_err("no bus carries as much").to_string();
+    assert!(error.contains("% of the bus"), "{error}");
+    let machine = config::load_for(Purpose::Files, &name).expect("runs were recorded");
+    assert_eq!(machine.cycle.period.as_us(), 250.0);
+    let mut file = MachineFile::open(&path).expect("what files tell can be written down");
+    file.set("axis.x.mechanics.mass-kg", 300.0).expect("a number");
+    file.replace().expect("a sound machine");
 }
 
 #[test]

@@ -16,9 +16,9 @@ use clap::{Args, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::live::{beside, stamp_now};
-use super::{Outcome, axes_of, machine, print_json, print_text};
+use super::{Outcome, axes_of, print_json, print_text};
 use crate::config::edit::MachineFile;
-use crate::config::{self, Machine};
+use crate::config::{self, Machine, Purpose};
 use crate::log::Reader;
 use crate::log::header::rfc3339;
 use crate::offline::gap::analysis::{Analysis, Request, analyse};
@@ -178,6 +178,7 @@ impl<'m> Gap<'m> {
 
 /// The machine of the option; without it that of the first log, which carries its own.
 fn machine_of(arguments: &Arguments) -> anyhow::Result<Machine> {
+    let machine = |name: &str| Ok(config::load_for(Purpose::Files, name)?);
     if let Some(name) = &arguments.machine {
         return machine(name);
     }
