@@ -2,20 +2,18 @@
 //! of each value. Truths between values are in `rules.rs`.
 //! Invariant: every key of the file is asked for here, and nowhere else.
 
-use super::Purpose;
 use super::machine::{AXIS_NAMES, Axis, BusSettings, Cycle, Machine, Motion, Supervision, VelocityForm};
 use super::problem::FileProblems;
 use super::reader::{Notes, Section, parse};
-use super::rules;
 use super::sheet_file::{self, Shelf};
+use super::{Purpose, rules};
 use crate::base::axis::PerAxis;
 use crate::base::time::Span;
 use crate::base::units::{Acceleration, Current, Force, Position, Velocity};
 use crate::plant::effects::{CATALOGUE, Effects, Entry, VALUES_MAX, Values};
 use crate::plant::{self, Actuator, Mechanics, friction};
 use crate::rt::control::{self, GAIN_SETS_MAX, Gains, compensation, limits::Limits, position, velocity_pi};
-use crate::rt::cycle::bucket::BucketLimit;
-use crate::rt::cycle::mode::Patience;
+use crate::rt::cycle::{bucket::BucketLimit, mode::Patience};
 use crate::rt::drive::sheet::{CommandApplies, Sheet};
 use crate::rt::drive::velocity::VelocityEstimate;
 use crate::rt::thread;
@@ -264,6 +262,8 @@ fn mechanics(section: Section<'_>) -> Mechanics {
         lead_m: section.number("lead-mm", 0.1..=200.0, "mm") * 1e-3,
         efficiency: section.number("efficiency", 0.1..=1.0, ""),
         backlash_m: section.number("backlash-um", 0.0..=1_000.0, "um") * 1e-6,
+        carried_share: section.optional_number("carried-inertia-percent", 0.0..=50.0, "%").unwrap_or(0.0)
+            * 1e-2,
     };
     section.close();
     mechanics

@@ -169,6 +169,15 @@ impl AxisRules<'_, '_> {
     }
 
     fn mechanics(&self) {
+        let mechanics = &self.axis.plant.mechanics;
+        let [carried, most] =
+            [mechanics.carried_share, mechanics.carried_share_max()].map(|share| 1e2 * share);
+        if carried > most {
+            let title = format!("{} % leave too little that swings", rounded(carried));
+            let label = format!("allowed is 0 to {most:.1} %");
+            let others = ["mechanics.mass-kg", "mechanics.motor-inertia-kg-m2"];
+            self.broken("mechanics.carried-inertia-percent", &others, title, label);
+        }
         let friction = &self.axis.plant.friction;
         if friction.sliding > friction.breakaway {
             let title = format!("{} is above the break-away force", friction.sliding);

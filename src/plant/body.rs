@@ -59,6 +59,8 @@ pub(super) struct Body {
     pub(super) law: Law,
     pub(super) stiffness_n_per_m: f64,
     pub(super) damping_n_s_per_m: f64,
+    /// Share of what accelerates the motor before a table that is held, by which it is pushed back.
+    pub(super) push_back: f64,
     pub(super) motion: Motion,
     /// -1 or +1 while the table slides, 0 while it sticks.
     pub(super) slide: f64,
@@ -136,8 +138,15 @@ impl Body {
         self.motion[2].abs()
     }
 
-    /// Force of the screw on a table at rest, N.
+    /// What pulls a table at rest, N.
+    #[inline(always)]
     pub(super) fn pull_n(&self, motion: &Motion) -> f64 {
-        self.stiffness_n_per_m * motion[0] + self.damping_n_s_per_m * motion[1]
+        self.pull_beside_n(self.stiffness_n_per_m * motion[0] + self.damping_n_s_per_m * motion[1], motion)
+    }
+
+    /// The same by a force of the screw.
+    #[inline(always)]
+    pub(super) fn pull_beside_n(&self, screw_n: f64, motion: &Motion) -> f64 {
+        screw_n - self.push_back * (motion[3] - screw_n)
     }
 }

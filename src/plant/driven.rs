@@ -8,8 +8,8 @@
 //! Identification drives it with the measured motion of the motor and compares `F` with the force behind the
 //! measured current: the controller then plays no part in the comparison, and neither does the motor's inertia
 //! beyond its own acceleration. Between two ends of a tick the motor's position is the cubic through both;
-//! in each fine step its speed is held, and the step is exact for it. Play between screw and table is left
-//! out. Invariant: sticks, breaks away and slides by the law of [`super::friction`], as [`super::Plant`] does.
+//! in each fine step its speed is held, and the step is exact for it. Play between screw and table and what the
+//! deflection of the screw carries along are left out. Invariant: sticks, breaks away and slides by the law of [`super::friction`], as [`super::Plant`] does.
 
 use nalgebra::SMatrix;
 

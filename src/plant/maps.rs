@@ -5,9 +5,13 @@
 //! (m/s), motor force behind the current loop (N); `x_m` only integrates `v_m` and rides along.
 //!
 //! ```text
-//!   M_m v_m' = f - K d - C (v_m - v_t)         M v_t' = K d + C (v_m - v_t) - F
+//!   M_m v_m' = f - S + m_d d''                 M v_t' = S - F - m_d d''
 //!   d'       = v_m - v_t                       f'     = (u - f) / τ        x_m' = v_m
+//!   S        = K d + C d'
 //! ```
+//!
+//! `m_d` is what the deflection carries along of the screw, whose parts move with neither end: their energy is
+//! `m_d d'^2 / 2` less than with those shares of them in both masses that carry their momentum.
 //!
 //! While the table sticks, `v_t = 0` and its equation falls away. The matrices come from the matrix
 //! exponential of the system with its held inputs appended (Van Loan 1978), once per parameter set.
@@ -15,7 +19,7 @@
 
 use nalgebra::SMatrix;
 
-use super::params::Parameters;
+use super::params::{Mechanics, Parameters};
 
 /// Deflection, motor velocity, table velocity, motor force, motor position.
 pub(super) type Motion = [f64; 5];
@@ -37,6 +41,38 @@ pub(super) struct Map {
     force: [f64; 6],
     command: [f64; 6],
     friction: [f64; 6],
+}
+
+/// What each mass is to a force on it, and the shares of forces on the other that it takes with the other sign.
+#[derive(Clone, Copy, Debug)]
+struct Masses {
+    motor_kg: f64,
+    table_kg: f64,
+    /// To the motor of what acts on the table, and to the table of what acts on the motor.
+    shares: [f64; 2],
+    /// The motor's while the table is held.
+    held_kg: f64,
+}
+
+impl Masses {
+    /// Of `[M_m - m_d, m_d; m_d, M - m_d] [v_m', v_t'] = forces`, solved for each.
+    fn of(mechanics: &Mechanics) -> Self {
+        let carried_kg = mechanics.carried_kg();
+        let [motor_kg, table_kg] =
+            [mechanics.motor_mass_kg(), mechanics.mass_kg].map(|mass_kg| mass_kg - carried_kg);
+        let shares = [carried_kg / table_kg, carried_kg / motor_kg];
+        Self {
+            motor_kg: motor_kg - carried_kg * shares[0],
+            table_kg: table_kg - carried_kg * shares[1],
+            shares,
+            held_kg: motor_kg,
+        }
+    }
+}
+
+/// Share of what accelerates a motor before a table that is held, by which the table is pushed back.
+pub(super) fn push_back(mechanics: &Mechanics) -> f64 {
+    Masses::of(mechanics).shares[1]
 }
 
 /// The maps for one length of step.
@@ -68,23 +104,33 @@ impl StepMaps {
 impl Map {
     fn new(axis: &Parameters, step_s: f64, is_slipping: bool) -> Self {
         let (k, c) = (axis.mechanics.stiffness_n_per_m, axis.mechanics.damping_n_s_per_m);
-        let (motor_kg, table_kg) = (axis.mechanics.motor_mass_kg(), axis.mechanics.mass_kg);
+        let Masses { motor_kg, table_kg, shares: [of_table, of_motor], held_kg } =
+            Masses::of(&axis.mechanics);
         let lag_s = axis.actuator.lag_s();
+        // Of one mass by the force on the other.
+        let (k_motor, c_motor) = (k * (1.0 + of_table), c * (1.0 + of_table));
+        let (k_table, c_table) = (k * (1.0 + of_motor), c * (1.0 + of_motor));
         let mut rate = SMatrix::<f64, 7, 7>::zeros();
         rate[(D, V_MOTOR)] = 1.0;
         rate[(X_MOTOR, V_MOTOR)] = 1.0;
-        rate[(V_MOTOR, D)] = -k / motor_kg;
-        rate[(V_MOTOR, V_MOTOR)] = -c / motor_kg;
-        rate[(V_MOTOR, FORCE)] = 1.0 / motor_kg;
         rate[(FORCE, FORCE)] = -1.0 / lag_s;
         rate[(FORCE, COMMAND)] = 1.0 / lag_s;
         if is_slipping {
             rate[(D, V_TABLE)] = -1.0;
-            rate[(V_MOTOR, V_TABLE)] = c / motor_kg;
-            rate[(V_TABLE, D)] = k / table_kg;
-            rate[(V_TABLE, V_MOTOR)] = c / table_kg;
-            rate[(V_TABLE, V_TABLE)] = -c / table_kg;
+            rate[(V_MOTOR, D)] = -k_motor / motor_kg;
+            rate[(V_MOTOR, V_MOTOR)] = -c_motor / motor_kg;
+            rate[(V_MOTOR, V_TABLE)] = c_motor / motor_kg;
+            rate[(V_MOTOR, FORCE)] = 1.0 / motor_kg;
+            rate[(V_MOTOR, FRICTION)] = of_table / motor_kg;
+            rate[(V_TABLE, D)] = k_table / table_kg;
+            rate[(V_TABLE, V_MOTOR)] = c_table / table_kg;
+            rate[(V_TABLE, V_TABLE)] = -c_table / table_kg;
+            rate[(V_TABLE, FORCE)] = 0.0 - of_motor / table_kg;
             rate[(V_TABLE, FRICTION)] = -1.0 / table_kg;
+        } else {
+            rate[(V_MOTOR, D)] = -k / held_kg;
+            rate[(V_MOTOR, V_MOTOR)] = -c / held_kg;
+            rate[(V_MOTOR, FORCE)] = 1.0 / held_kg;
         }
         let map = (rate * step_s).exp();
         let column = |input: usize| std::array::from_fn(|row| if row < 5 { map[(row, input)] } else { 0.0 });
@@ -182,10 +228,45 @@ mod tests {
 
     #[test]
     fn momentum_of_a_free_axis_is_force_times_time() {
-        let axis = paper_axis();
-        let map = Map::new(&axis, 1e-3, true);
-        let end = map.apply(&[0.0, 0.0, 0.0, 100.0, 0.0], 100.0, 0.0);
-        let momentum = axis.mechanics.motor_mass_kg() * end[V_MOTOR] + axis.mechanics.mass_kg * end[V_TABLE];
-        assert!((momentum - 0.1).abs() < 1e-12, "{momentum} N s, expected 0.1 N s");
+        for carried_share in [0.0, 0.05] {
+            let mut axis = paper_axis();
+            axis.mechanics.carried_share = carried_share;
+            let map = Map::new(&axis, 1e-3, true);
+            let end = map.apply(&[0.0, 0.0, 0.0, 100.0, 0.0], 100.0, 0.0);
+            let momentum =
+                axis.mechanics.motor_mass_kg() * end[V_MOTOR] + axis.mechanics.mass_kg * end[V_TABLE];
+            assert!((momentum - 0.1).abs() < 1e-12, "{momentum} N s, expected 0.1 N s");
+        }
+    }
+
+    #[test]
+    fn two_masses_swing_at_their_resonance_whatever_their_deflection_carries_along() {
+        for carried_share in [0.0, 0.05] {
+            let mut axis = paper_axis();
+            axis.mechanics.damping_n_s_per_m = 0.0;
+            axis.mechanics.carried_share = carried_share;
+            let period_s = 1.0 / axis.mechanics.resonance_hz();
+            let start = [5e-6, 0.01, -0.02, 0.0, 0.0];
+            let end = Map::new(&axis, period_s, true).apply(&start, 0.0, 0.0);
+            for (place, off) in [(D, 1e-15), (V_MOTOR, 1e-12), (V_TABLE, 1e-12)] {
+                assert!((end[place] - start[place]).abs() < off, "{carried_share}: {start:?} {end:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_held_table_is_pushed_by_as_much_as_would_just_not_move_it() {
+        let mut axis = paper_axis();
+        axis.mechanics.carried_share = 0.05;
+        let (motor_n, screw_n) = (2_000.0, 151e6 * 2e-6);
+        let held_n = screw_n - push_back(&axis.mechanics) * (motor_n - screw_n);
+        assert!(held_n < 0.95 * screw_n, "{held_n} N of {screw_n} N");
+        let step_s = 1e-7;
+        let start = [2e-6, 0.0, 0.0, motor_n, 0.0];
+        let slips = Map::new(&axis, step_s, true).apply(&start, motor_n, held_n);
+        let holds = Map::new(&axis, step_s, false).apply(&start, motor_n, 0.0);
+        let [gained, all] = [slips[V_TABLE], slips[V_MOTOR]].map(f64::abs);
+        assert!(gained < 1e-4 * all, "{gained} m/s of {all} m/s");
+        assert!((holds[V_MOTOR] - slips[V_MOTOR]).abs() < 1e-4 * all, "{holds:?} {slips:?}");
     }
 }

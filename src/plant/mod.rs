@@ -231,6 +231,7 @@ impl Plant {
                 law: Law::new(axis.friction),
                 stiffness_n_per_m: axis.mechanics.stiffness_n_per_m,
                 damping_n_s_per_m: axis.mechanics.damping_n_s_per_m,
+                push_back: maps::push_back(&axis.mechanics),
                 motion,
                 slide,
                 gap,

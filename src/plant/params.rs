@@ -30,6 +30,9 @@ pub struct Mechanics {
     pub efficiency: f64,
     /// Play between screw and table, m.
     pub backlash_m: f64,
+    /// Of the inertia of motor and screw, the share that its deflection carries along: `Σ J_j α_j (1 - α_j) / J`, where `α_j` of
+    /// the compliance lies between the motor and a part `J_j` of the screw.
+    pub carried_share: f64,
 }
 
 impl Mechanics {
@@ -45,13 +48,23 @@ impl Mechanics {
     pub fn motor_mass_kg(&self) -> f64 {
         self.inertia_kg_m2 * self.force_per_torque() / self.travel_per_rad_m()
     }
+    /// What the deflection of the screw carries along, kg: so much less than both masses swing against each other.
+    pub fn carried_kg(&self) -> f64 {
+        self.carried_share * self.motor_mass_kg()
+    }
+    /// Most of it that leaves masses which can swing, as a share of motor and screw.
+    pub fn carried_share_max(&self) -> f64 {
+        const OF_SWINGING: f64 = 0.5;
+        OF_SWINGING * self.mass_kg / (self.mass_kg + self.motor_mass_kg())
+    }
     /// Inertia of motor, screw and table at the motor shaft, kg m².
     pub fn total_inertia_kg_m2(&self) -> f64 {
         self.inertia_kg_m2 + self.mass_kg * self.travel_per_rad_m() / self.force_per_torque()
     }
     /// Frequency at which motor and table swing against each other, Hz.
     pub fn resonance_hz(&self) -> f64 {
-        (self.stiffness_n_per_m * (1.0 / self.mass_kg + 1.0 / self.motor_mass_kg())).sqrt() / TAU
+        let per_kg = 1.0 / self.mass_kg + 1.0 / self.motor_mass_kg();
+        (self.stiffness_n_per_m * per_kg / (1.0 - self.carried_kg() * per_kg)).sqrt() / TAU
     }
     /// How far the screw winds up under a force on the table.
     pub fn wind_up(&self, force: Force) -> Position {
@@ -124,7 +137,8 @@ impl Parameters {
     pub fn motor_acceleration_max(&self) -> Acceleration {
         let torque_nm = self.actuator.torque(self.actuator.peak_current).as_nm();
         Acceleration::m_per_s2(
-            torque_nm.abs() / self.mechanics.inertia_kg_m2 * self.mechanics.travel_per_rad_m(),
+            torque_nm.abs() / (self.mechanics.inertia_kg_m2 * (1.0 - self.mechanics.carried_share))
+                * self.mechanics.travel_per_rad_m(),
         )
     }
     /// What the control that moves it does otherwise than its file says.

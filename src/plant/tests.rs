@@ -20,6 +20,7 @@ pub(crate) fn paper_axis() -> Parameters {
             lead_m: 0.01,
             efficiency: 0.9,
             backlash_m: 0.0,
+            carried_share: 0.0,
         },
         friction: friction::Parameters {
             variant: Variant::Nonlinear,

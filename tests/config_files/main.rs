@@ -204,9 +204,9 @@ fn a_problem_is_shown_at_its_place() {
     ");
     insta::assert_snapshot!(shown("current-a = 20.0", "current-a = 25.1"), @r"
     error: axis.x.limits.current-a: 25.1 A is above the drive's peak current
-       --> mill.toml:109:13
+       --> mill.toml:110:13
         |
-    109 | current-a = 25.1
+    110 | current-a = 25.1
         |             ^^^^ allowed is 0.01 to 25 A
     ");
     insta::assert_snapshot!(shown("[bus]", "[bus"), @r"

@@ -48,6 +48,8 @@ pub struct Base {
     pub zero_of: Option<usize>,
     /// Place of the signal that its sensor shows so many times as large.
     pub scale_of: Option<usize>,
+    /// Whether it is added to what the file says, which may be nothing.
+    is_added: bool,
     /// How far a machine is from its file at most, in priors: further off it is another machine, or it is an effect.
     reach: [f64; 2],
     get: fn(&Twin) -> f64,
@@ -63,10 +65,20 @@ impl Base {
         get: fn(&Twin) -> f64,
         set: fn(&mut Twin, f64),
     ) -> Self {
-        Self { name, unit, prior, zero_of: None, scale_of: None, reach: [-6.0, 6.0], get, set }
+        Self {
+            name,
+            unit,
+            prior,
+            zero_of: None,
+            scale_of: None,
+            is_added: false,
+            reach: [-6.0, 6.0],
+            get,
+            set,
+        }
     }
 
-    /// Whether it is added to what there is.
+    /// Whether it is the zero of a recording.
     pub fn is_zero(&self) -> bool {
         self.zero_of.is_some()
     }
@@ -80,13 +92,13 @@ impl Base {
     pub fn move_to(&self, coordinate: f64, twin: &mut Twin) {
         if coordinate != 0.0 {
             let (value, by) = (self.of(twin), coordinate * self.prior);
-            (self.set)(twin, if self.is_zero() { value + by } else { value * by.exp() });
+            (self.set)(twin, if self.is_added || self.is_zero() { value + by } else { value * by.exp() });
         }
     }
 
     /// Whether a coordinate moves anything: a share of what the file says is nothing does not.
     pub fn is_free(&self, filed: &Parameters) -> bool {
-        self.is_zero() || self.of(&Twin::new(*filed)) != 0.0
+        self.is_added || self.is_zero() || self.of(&Twin::new(*filed)) != 0.0
     }
 
     /// The coordinate, as far as it may be from the file.
@@ -102,7 +114,7 @@ impl Base {
 }
 
 /// The base parameters, in the order of the coordinates.
-pub const BASE: [Base; 13] = [
+pub const BASE: [Base; 14] = [
     Base::filed(
         "mass",
         "kg",
@@ -124,6 +136,20 @@ pub const BASE: [Base; 13] = [
         |twin| twin.plant.mechanics.stiffness_n_per_m,
         |twin, value| twin.plant.mechanics.stiffness_n_per_m = value,
     ),
+    Base {
+        // Most files say nothing of it, and no screw is without.
+        is_added: true,
+        reach: [-0.5, 4.0],
+        ..Base::filed(
+            "carried_inertia",
+            "",
+            0.03,
+            |twin| twin.plant.mechanics.carried_share,
+            |twin, value| {
+                twin.plant.mechanics.carried_share = value.min(twin.plant.mechanics.carried_share_max());
+            },
+        )
+    },
     Base::filed(
         "damping",
         "N s/m",

@@ -5,6 +5,7 @@
 
 use super::analysis::Analysis;
 use super::model::Model;
+use super::usual::is_usual;
 use crate::config::Machine;
 use crate::config::edit::{EditError, MachineFile};
 
@@ -40,9 +41,10 @@ pub fn put(
         let model = &axis.named.model;
         for (place, tried) in model.model.effects.iter().enumerate() {
             let is_named = place < axis.named.effects.len();
-            // What stays with the base is nothing where it may be.
+            // What stays with the base is nothing where it may be, and what drifted was of that day.
             let is_sure = |(_, _, [low, high]): &(&str, f64, [f64; 2])| low * high > 0.0;
-            if !is_named && !model.effect(place).first().is_some_and(is_sure) {
+            let is_of_machine = is_usual(tried.entry) && model.effect(place).first().is_some_and(is_sure);
+            if !is_named && !is_of_machine {
                 continue;
             }
             let section = format!("axis.{name}.effects.{}", tried.entry.name);
@@ -63,7 +65,7 @@ pub fn put(
         for ((section, key, value), (.., before)) in
             base(&model.model).into_iter().zip(base(&Model::new(*was)))
         {
-            if (value / before - 1.0).abs() > 1e-9 {
+            if (value - before).abs() > 1e-9 * before.abs() {
                 file.set(&format!("axis.{name}.{section}.{key}"), rounded(value))?;
             }
         }
@@ -81,7 +83,7 @@ pub fn put(
 }
 
 /// Section, key and value of the base parameters, without what the effects add to them.
-fn base(model: &Model) -> [(&'static str, &'static str, f64); 10] {
+fn base(model: &Model) -> [(&'static str, &'static str, f64); 11] {
     let plant = Model { effects: Vec::new(), ..model.clone() }.twin().plant;
     let (mechanics, friction) = (&plant.mechanics, &plant.friction);
     [
@@ -90,6 +92,7 @@ fn base(model: &Model) -> [(&'static str, &'static str, f64); 10] {
         ("mechanics", "stiffness-n-per-um", 1e-6 * mechanics.stiffness_n_per_m),
         ("mechanics", "damping-n-s-per-mm", 1e-3 * mechanics.damping_n_s_per_m),
         ("mechanics", "motor-inertia-kg-m2", mechanics.inertia_kg_m2),
+        ("mechanics", "carried-inertia-percent", 1e2 * mechanics.carried_share.max(0.0)),
         ("friction", "breakaway-n", friction.breakaway.as_n()),
         ("friction", "sliding-n", friction.sliding.as_n()),
         ("friction", "fall-end-mm-per-s", friction.fall_end.as_mm_per_s()),

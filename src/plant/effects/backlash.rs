@@ -116,7 +116,12 @@ pub(in crate::plant) struct Ladder {
 impl Ladder {
     /// The maps of an axis for fine steps of `step_s` seconds and their halves.
     pub(in crate::plant) fn new(axis: &Parameters, step_s: f64) -> Self {
-        let loose = Mechanics { stiffness_n_per_m: 0.0, damping_n_s_per_m: 0.0, ..axis.mechanics };
+        let loose = Mechanics {
+            stiffness_n_per_m: 0.0,
+            damping_n_s_per_m: 0.0,
+            carried_share: 0.0,
+            ..axis.mechanics
+        };
         let apart = Parameters { mechanics: loose, ..*axis };
         let steps = |axis: &Parameters| {
             (0..LEVELS).map(|level| StepMaps::new(axis, step_s / f64::from(1_u32 << level))).collect()
@@ -174,13 +179,17 @@ impl Body {
         self.motion[0] -= rest_m;
         let stands = stepping.moved(self, ladder.maps(level, flank), command_n);
         self.motion[0] += rest_m;
-        let (flank_after, pull_n) = self.gap.contact(&self.motion, self);
+        let (flank_after, screw_n) = self.gap.contact(&self.motion, self);
         if flank_after != flank && level + 1 < LEVELS {
             (self.motion, self.slide, self.remembered) = before;
             self.step_with_gap(ladder, level + 1, command_n, stepping);
             self.step_with_gap(ladder, level + 1, command_n, stepping);
         } else if stands {
             let deflection_m = self.motion[0] - self.gap.rest_m(flank_after);
+            let pull_n = match flank_after {
+                Flank::None => 0.0,
+                Flank::Lower | Flank::Upper => self.pull_beside_n(screw_n, &self.motion),
+            };
             stepping.break_away(self, ladder.maps(level, flank_after), deflection_m, pull_n);
         }
     }
