@@ -331,8 +331,8 @@ pub fn name<'m>(
     effects.extend(told.named);
     refused.extend(told.refused);
     smallest.retain(|one| effects.iter().all(|named| named.name != one.name));
-    let blocks = [&base, &told.model].map(|fitted| Blocks::new(&problem, &fitted.model));
-    let (model, rows) = (told.model, problem.counts());
+    let [base, model] = usual::without_drift(&problem, &mut effects, [base, told.model]);
+    let (blocks, rows) = ([&base, &model].map(|of| Blocks::new(&problem, &of.model)), problem.counts());
     (Named { clocks_behind_s, base, model, blocks, effects, refused, smallest, rows }, problem)
 }
 
