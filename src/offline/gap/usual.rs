@@ -26,8 +26,10 @@ use crate::base::units::{Position, Velocity};
 use crate::plant::effects::{Entry, entry, neutral_with_force_mm};
 use crate::plant::steady_force;
 
-/// A friction that is still on its way when the runs end, and changes by less until then, is an axis that gets warm or cold as all do.
+/// A friction that is still on its way when the runs end, and changes by less until then, and in a second, is an axis that gets warm or
+/// cold as all do.
 const DRIFTS: f64 = 0.03;
+const DRIFTS_PER_S: f64 = 0.02 / 60.0;
 
 /// Names of these effects.
 const USUAL: [&str; 2] = ["viscous-friction", "constant-force"];
@@ -153,7 +155,8 @@ pub(super) fn without_drift(
 fn is_drift(tried: &Tried, end_s: f64) -> bool {
     let [drop_percent, time_constant_s, _] = tried.values;
     let changed = 1e-2 * drop_percent * libm::expm1(-end_s / time_constant_s);
-    tried.entry.name == "friction-warm-up" && time_constant_s > end_s && changed.abs() < DRIFTS
+    let is_little = changed.abs() < DRIFTS.min(DRIFTS_PER_S * end_s);
+    tried.entry.name == "friction-warm-up" && time_constant_s > end_s && is_little
 }
 
 /// A model with one of these effects last, if that is sure and more of the friction than two laws of it differ by.
@@ -312,15 +315,17 @@ mod tests {
             entry: entry(name).expect("an effect"),
             values: [drop_percent, time_constant_s, 0.0],
         };
-        for (drop_percent, time_constant_s, drifts) in [
-            // By 1.5, 5.4 and 1 % within 100 s.
-            (25.7, 1677.0, true),
-            (-25.7, 1677.0, true),
-            (90.0, 1600.0, false),
-            (1.0, 15.0, false),
+        for (drop_percent, time_constant_s, end_s, drifts) in [
+            // By 1.5, 5.4 and 1 % until then.
+            (25.7, 1677.0, 100.0, true),
+            (-25.7, 1677.0, 100.0, true),
+            (90.0, 1600.0, 100.0, false),
+            (1.0, 15.0, 100.0, false),
+            // By 2.4 % within five seconds.
+            (25.0, 50.0, 5.0, false),
         ] {
-            let found = is_drift(&of("friction-warm-up", drop_percent, time_constant_s), 100.0);
-            assert_eq!(found, drifts, "{drop_percent} % in {time_constant_s} s");
+            let found = is_drift(&of("friction-warm-up", drop_percent, time_constant_s), end_s);
+            assert_eq!(found, drifts, "{drop_percent} % in {time_constant_s} s, of {end_s} s");
         }
         assert!(!is_drift(&of("thermal-growth", 25.0, 1677.0), 100.0));
     }
