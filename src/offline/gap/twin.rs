@@ -78,6 +78,11 @@ impl Base {
         }
     }
 
+    /// Whether a coordinate is added to the value, and not a power of it.
+    fn adds(&self) -> bool {
+        self.is_added || self.is_zero()
+    }
+
     /// Whether it is the zero of a recording.
     pub fn is_zero(&self) -> bool {
         self.zero_of.is_some()
@@ -92,13 +97,13 @@ impl Base {
     pub fn move_to(&self, coordinate: f64, twin: &mut Twin) {
         if coordinate != 0.0 {
             let (value, by) = (self.of(twin), coordinate * self.prior);
-            (self.set)(twin, if self.is_added || self.is_zero() { value + by } else { value * by.exp() });
+            (self.set)(twin, if self.adds() { value + by } else { value * by.exp() });
         }
     }
 
     /// Whether a coordinate moves anything: a share of what the file says is nothing does not.
     pub fn is_free(&self, filed: &Parameters) -> bool {
-        self.is_added || self.is_zero() || self.of(&Twin::new(*filed)) != 0.0
+        self.adds() || self.of(&Twin::new(*filed)) != 0.0
     }
 
     /// The coordinate, as far as it may be from the file.

@@ -23,7 +23,7 @@ use super::problem::{Part, Problem};
 use super::refit::ITERATIONS;
 use super::without::Without;
 use crate::base::units::{Position, Velocity};
-use crate::plant::effects::{Entry, entry, neutral_with_force_mm};
+use crate::plant::effects::{Entry, entry, neutral_with_force_mm, warmed_share};
 use crate::plant::steady_force;
 
 /// A friction that is still on its way when the runs end, and changes by less until then, and in a second, is an axis that gets warm or
@@ -153,10 +153,9 @@ pub(super) fn without_drift(
 
 /// Whether an effect is a friction that changes little, and steadily, until the runs end.
 fn is_drift(tried: &Tried, end_s: f64) -> bool {
-    let [drop_percent, time_constant_s, _] = tried.values;
-    let changed = 1e-2 * drop_percent * libm::expm1(-end_s / time_constant_s);
-    let is_little = changed.abs() < DRIFTS.min(DRIFTS_PER_S * end_s);
-    tried.entry.name == "friction-warm-up" && time_constant_s > end_s && is_little
+    let is_on_its_way = tried.values[1] > end_s;
+    let is_little = || warmed_share(tried.values, end_s).abs() < DRIFTS.min(DRIFTS_PER_S * end_s);
+    tried.entry.name == "friction-warm-up" && is_on_its_way && is_little()
 }
 
 /// A model with one of these effects last, if that is sure and more of the friction than two laws of it differ by.

@@ -7,7 +7,7 @@
 //! Time runs from the start of the plant, as cold as its parameters are.
 //! Invariant: the factor is positive.
 
-use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
+use super::catalogue::{Coordinate, Entry, Experiment, Parameter, Values};
 use super::hooks::{Action, Friction, Instant};
 
 pub(super) const ENTRY: Entry = Entry {
@@ -25,6 +25,15 @@ pub(super) const ENTRY: Entry = Entry {
     action: Action::Friction(|values, _| Box::new(WarmUp { drop: 1e-2 * values[0], per_s: 1.0 / values[1] })),
 };
 
+/// By which share friction has changed after a time, of these values.
+pub fn warmed_share([drop_percent, time_constant_s, _]: Values, time_s: f64) -> f64 {
+    changed(1e-2 * drop_percent, 1.0 / time_constant_s, time_s)
+}
+
+fn changed(drop: f64, per_s: f64, time_s: f64) -> f64 {
+    drop * libm::expm1(-time_s * per_s)
+}
+
 #[derive(Debug)]
 struct WarmUp {
     drop: f64,
@@ -33,6 +42,6 @@ struct WarmUp {
 
 impl Friction for WarmUp {
     fn factor(&self, at: &Instant) -> f64 {
-        1.0 + self.drop * libm::expm1(-at.time_s * self.per_s)
+        1.0 + changed(self.drop, self.per_s, at.time_s)
     }
 }

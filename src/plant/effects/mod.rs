@@ -52,6 +52,7 @@ mod command_filter;
 mod reversal_compensation;
 
 pub use catalogue::{Coordinate, Effects, Entry, Experiment, Parameter, VALUES_MAX, Values, entry};
+pub use friction_warm_up::warmed_share;
 pub use hooks::Neighbour;
 pub(in crate::plant) use hooks::{Action, Pace};
 pub use spring_load::neutral_with_force_mm;
