@@ -140,7 +140,10 @@ pub(super) fn without_drift(
 ) -> [Fitted; 2] {
     let end_s = problem.spans_s().into_iter().map(|[_, end_s]| end_s).fold(0.0, f64::max);
     let (known, all) = (named.len(), model.model.effects.len());
-    let drifts = |place: &usize| is_drift(&model.model.effects[*place], end_s);
+    let drifts = |place: &usize| {
+        let longest_s = model.effect(*place).get(1).map_or(0.0, |(_, _, [_, longest_s])| *longest_s);
+        is_drift(&model.model.effects[*place], longest_s, end_s)
+    };
     let (drifting, staying): (Vec<usize>, Vec<usize>) = (0..known).partition(drifts);
     if drifting.is_empty() {
         return [base, model];
@@ -151,9 +154,10 @@ pub(super) fn without_drift(
     [if named.is_empty() { model.clone() } else { base }, model]
 }
 
-/// Whether an effect is a friction that changes little, and steadily, until the runs end.
-fn is_drift(tried: &Tried, end_s: f64) -> bool {
-    let is_on_its_way = tried.values[1] > end_s;
+/// Whether an effect is a friction that changes little, and may go on to after the runs end; `longest_s` is what its time
+/// constant may be.
+fn is_drift(tried: &Tried, longest_s: f64, end_s: f64) -> bool {
+    let is_on_its_way = longest_s > end_s;
     let is_little = || warmed_share(tried.values, end_s).abs() < DRIFTS.min(DRIFTS_PER_S * end_s);
     tried.entry.name == "friction-warm-up" && is_on_its_way && is_little()
 }
@@ -314,19 +318,22 @@ mod tests {
             entry: entry(name).expect("an effect"),
             values: [drop_percent, time_constant_s, 0.0],
         };
-        for (drop_percent, time_constant_s, end_s, drifts) in [
+        for (drop_percent, times_s, end_s, drifts) in [
             // By 1.5, 5.4 and 1 % until then.
-            (25.7, 1677.0, 100.0, true),
-            (-25.7, 1677.0, 100.0, true),
-            (90.0, 1600.0, 100.0, false),
-            (1.0, 15.0, 100.0, false),
+            (25.7, [1677.0, 1677.0], 100.0, true),
+            (-25.7, [1677.0, 1677.0], 100.0, true),
+            (90.0, [1600.0, 1600.0], 100.0, false),
+            (1.0, [15.0, 40.0], 100.0, false),
+            // Nothing tells whether it has ended.
+            (-2.0, [65.0, 214.0], 95.0, true),
             // By 2.4 % within five seconds.
-            (25.0, 50.0, 5.0, false),
+            (25.0, [50.0, 50.0], 5.0, false),
         ] {
-            let found = is_drift(&of("friction-warm-up", drop_percent, time_constant_s), end_s);
-            assert_eq!(found, drifts, "{drop_percent} % in {time_constant_s} s, of {end_s} s");
+            let [time_constant_s, longest_s] = times_s;
+            let found = is_drift(&of("friction-warm-up", drop_percent, time_constant_s), longest_s, end_s);
+            assert_eq!(found, drifts, "{drop_percent} % in {times_s:?} s, of {end_s} s");
         }
-        assert!(!is_drift(&of("thermal-growth", 25.0, 1677.0), 100.0));
+        assert!(!is_drift(&of("thermal-growth", 25.0, 1677.0), 1677.0, 100.0));
     }
 
     #[test]
