@@ -13,7 +13,7 @@ use nalgebra::Complex;
 use rayon::prelude::*;
 use rustfft::FftPlanner;
 
-use super::forward::Signals;
+use super::forward::{DEFLECTION, Signals};
 use super::model::Model;
 use super::problem::{Part, Problem};
 use super::spots;
@@ -51,6 +51,8 @@ struct Left {
     in_time: Vec<Vec<f64>>,
     /// The same summed up by where the motor was: whichever way it went, and with the sign of the way.
     by_place: [Vec<Vec<f64>>; 2],
+    /// The deflection, summed up by where the table was: it is behind the motor by more than a line of its scale.
+    by_table: Vec<Vec<f64>>,
     /// Of its current, with the sign of the way.
     by_way: Vec<[f64; 2]>,
 }
@@ -62,6 +64,8 @@ pub struct Peaks {
     per_turn: Vec<f64>,
     /// Of what turns its sign with the way.
     per_turn_by_way: Vec<f64>,
+    /// Lines of a scale of the table.
+    per_turn_of_table: Vec<f64>,
     lead_m: f64,
     /// Where friction is not what it is about there.
     spots_mm: Vec<f64>,
@@ -75,6 +79,7 @@ impl Peaks {
     /// Of a model.
     pub fn new(problem: &Problem<'_>, model: &Model) -> Self {
         let lead_m = model.nominal.mechanics.lead_m;
+        let before_it = problem.noises[..DEFLECTION].iter().flatten().count();
         let of_run = |place: usize| {
             let simulated = problem.simulated(place, model);
             let in_time = problem.whitened(place, &simulated, Part::Fit);
@@ -84,19 +89,20 @@ impl Peaks {
             };
             let by_place = [by_place(&|_| 1.0), by_place(&f64::signum)];
             let by_way = spots::by_way(problem, place, &simulated, &positions);
-            Left { in_time, by_place, by_way }
+            let tables: Vec<f64> =
+                positions.iter().zip(&simulated.deflection_m).map(|(motor, behind)| motor - behind).collect();
+            let with_table = problem.has_table().then(|| &in_time[before_it]);
+            let by_table = with_table.map(|values| by_bins(values, &tables, &|_| 1.0, lead_m));
+            Left { in_time, by_place, by_table: by_table.into_iter().collect(), by_way }
         };
         let runs: Vec<Left> = problem.places(Part::Fit).into_par_iter().map(of_run).collect();
         let period_s = problem.period_s();
-        let signals = problem.signals().len();
-        let of = |per_unit: f64, ranges: &[[f64; 2]], way: Option<usize>| -> Vec<f64> {
+        let of = |per_unit: f64, ranges: &[[f64; 2]], of_run: fn(&Left) -> &[Vec<f64>]| -> Vec<f64> {
             let of_signal = |signal: usize| {
-                let sums = runs.iter().map(|run| {
-                    let all = way.map_or(&run.in_time, |way| &run.by_place[way]);
-                    all[signal].as_slice()
-                });
+                let sums = runs.iter().map(|run| of_run(run)[signal].as_slice());
                 evened(&sums.collect::<Vec<_>>())
             };
+            let signals = runs.first().map_or(0, |run| of_run(run).len());
             let powers: Vec<Vec<f64>> = (0..signals).filter_map(of_signal).collect();
             let within = |range: &[f64; 2]| {
                 most_plain(
@@ -116,12 +122,13 @@ impl Peaks {
         let session_s = session_s(&spans_s);
         let begins_s = problem.places(Part::Fit).into_iter().map(|place| spans_s[place][0]);
         let timed: Vec<(f64, &Vec<Vec<f64>>)> = begins_s.zip(runs.iter().map(|run| &run.in_time)).collect();
-        let hz = of(1.0 / period_s, &[HZ], None).into_par_iter();
+        let hz = of(1.0 / period_s, &[HZ], |run| &run.in_time).into_par_iter();
         Self {
             session_s,
             hz: hz.map(|hz| in_step(hz, &timed, period_s, session_s)).collect(),
-            per_turn: of(BINS_PER_TURN, &PER_TURN, Some(0)),
-            per_turn_by_way: of(BINS_PER_TURN, &PER_TURN[..1], Some(1)),
+            per_turn: of(BINS_PER_TURN, &PER_TURN, |run| &run.by_place[0]),
+            per_turn_by_way: of(BINS_PER_TURN, &PER_TURN[..1], |run| &run.by_place[1]),
+            per_turn_of_table: of(BINS_PER_TURN, &PER_TURN[1..], |run| &run.by_table),
             lead_m,
             spots_mm: spots::furthest_mm(&runs.iter().map(|run| run.by_way.as_slice()).collect::<Vec<_>>()),
             span_m,
@@ -146,7 +153,8 @@ impl Peaks {
             "time-constant-s" => [0.15, 0.5, 1.5].map(|share| share * self.session_s).to_vec(),
             "centre-mm" => self.spots_mm.clone(),
             "period-um" => {
-                let peaks = self.per_turn.iter().map(|per_turn| 1e6 * self.lead_m / per_turn);
+                let all_per_turn = self.per_turn_of_table.iter().chain(&self.per_turn);
+                let peaks = all_per_turn.map(|per_turn| 1e6 * self.lead_m / per_turn);
                 let lines = USUAL_LINES.map(|lines| 1e6 * self.lead_m / lines);
                 peaks.chain(lines).chain(USUAL_PERIODS_UM).collect()
             }
