@@ -29,7 +29,7 @@ use super::shortlist::{Scored, shortlist};
 use super::smallest::Smallest;
 use super::spectrum::Peaks;
 use super::usual;
-use super::without::Without;
+use super::without::{Need, Without};
 use crate::plant::effects::{Experiment, entry};
 
 /// Candidates that are fitted together with the base to the first pass of each command. Those that explain this share of
@@ -149,6 +149,7 @@ pub fn name<'m>(
     let (mut valleys, mut has_turned) = (0, false);
     let mut effects: Vec<NamedEffect> = Vec::new();
     let (mut refused, mut smallest) = (Vec::new(), Vec::new());
+    let mut open: Option<(usize, Candidate, Without)> = None;
     while effects.len() < EFFECTS_MAX {
         progress("looking for what is missing");
         let louder = Louder::for_what_is_left(&problem, &model.model, [start, &coarse.model]);
@@ -254,18 +255,14 @@ pub fn name<'m>(
         effects.push(NamedEffect { name: best.name(), class, runner_up });
         // On its way to the effect the base may have left a valley in which the fit without it was held up: what is
         // gained is what is lost again without it, from here.
-        let (test, is_needed) = tested(&problem, &once, (&model, &blocks), [start, &coarse.model]);
+        let (test, need) = Without::of_last(&problem, &once, (&model, &blocks), [start, &coarse.model]);
         if effects.len() == 1 {
             base = Some(test.fitted.clone());
         }
-        let lost = gates::lost_at(&model).or((!is_needed).then_some(Gate::Needed));
+        let lost = gates::lost_at(&model).or((need == Need::None).then_some(Gate::Needed));
         if let Some(gate) = lost {
             let is_deeper = test.fitted.total < DEEPER * before.total;
-            (model, blocks) = (test.fitted, test.blocks);
-            effects.pop();
-            let mut best = best;
-            best.failed.push(gate);
-            refused.push(best);
+            (model, blocks) = taken_back((&mut effects, &mut refused), best, gate, test);
             // It only led the base out of its valley, where what is missing may not have shown.
             valleys += 1;
             if !is_deeper || valleys > VALLEYS {
@@ -274,6 +271,9 @@ pub fn name<'m>(
             if effects.is_empty() {
                 alone = blocks.clone();
             }
+        } else if need == Need::OfAnotherSize {
+            // What it leaves bends its size: it stays if something explains that.
+            open = Some((effects.len(), best, test));
         } else if is_far(&model, &before) {
             progress(&format!("{}: how large is it?", best.name()));
             // Rows weigh by where the base alone is straight: beside a large effect others are.
@@ -294,6 +294,9 @@ pub fn name<'m>(
             blocks = Blocks::new(&problem, &model.model);
             alone = Blocks::new(&problem, &coarse.model);
         }
+    }
+    if let Some((_, last, test)) = open.filter(|(place, ..)| *place == effects.len()) {
+        (model, blocks) = taken_back((&mut effects, &mut refused), last, Gate::Judged, test);
     }
     // Backwards: what came first may have stood for what came later.
     let mut place = 0;
@@ -336,23 +339,17 @@ pub fn name<'m>(
     (Named { clocks_behind_s, base, model, blocks, effects, refused, smallest, rows }, problem)
 }
 
-/// Whether a model needs its last effect, and what it is without. Where it leaves so much beside that effect that a bounded loss tells
-/// nothing of it, by noise that is taken for louder.
-fn tested(
-    problem: &Problem<'_>,
-    once: &Problem<'_>,
-    (model, blocks): (&Fitted, &Blocks),
-    bases: [&Model; 2],
-) -> (Without, bool) {
-    let last = model.model.effects.len() - 1;
-    let Some(louder) = Louder::for_what_is_left(problem, &model.model, bases) else {
-        let test = Without::of(problem, once, model, last, bases);
-        let is_needed = test.shows_need(problem, model, blocks, last);
-        return (test, is_needed);
-    };
-    let test = Without::of(&louder.problem, &louder.once, &louder.fitted, last, bases);
-    let is_needed = test.shows_need(&louder.problem, &louder.fitted, &louder.blocks, last);
-    (test.in_terms_of(problem), is_needed)
+/// A model and its blocks without the effect that was named last, which a gate refused.
+fn taken_back(
+    (effects, refused): (&mut Vec<NamedEffect>, &mut Vec<Candidate>),
+    mut last: Candidate,
+    gate: Gate,
+    test: Without,
+) -> (Fitted, Blocks) {
+    effects.pop();
+    last.failed.push(gate);
+    refused.push(last);
+    (test.fitted, test.blocks)
 }
 
 /// The most promising of a list, fitted to few rows beside the model that was fitted before, from the better of two

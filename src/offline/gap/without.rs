@@ -9,6 +9,7 @@ use super::crossed;
 use super::fit::{Effort, Fitted, fit};
 use super::gates::{FALL, HELD_FALL, does_not_show_where_judged, does_not_speak_against, telling};
 use super::judged;
+use super::louder::Louder;
 use super::model::Model;
 use super::problem::{Part, Problem};
 use super::refit::{PLAINLY, base_refitted, ended, refitted, scale};
@@ -19,6 +20,15 @@ const ROUGH: f64 = 3.0;
 
 /// What is noise with an effect, and so many times as much without it, needs it however rough its valleys are.
 const ALL: f64 = 1.25;
+
+/// Whether a model needs an effect.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Need {
+    Shown,
+    /// Of all that speaks for it only the rows that judge want it smaller or larger.
+    OfAnotherSize,
+    None,
+}
 
 /// A model without one of its effects, fitted to the bottom from where it stands with it.
 pub(super) struct Without {
@@ -50,13 +60,32 @@ impl Without {
         Self { blocks: Blocks::new(problem, &fitted.model), fitted, rough }
     }
 
+    /// Without the last one, and whether it is needed. Where it leaves so much that a bounded loss tells nothing of it, by noise
+    /// that is taken for louder; what it leaves may bend its size there, and nowhere else.
+    pub(super) fn of_last(
+        problem: &Problem<'_>,
+        once: &Problem<'_>,
+        (model, blocks): (&Fitted, &Blocks),
+        bases: [&Model; 2],
+    ) -> (Self, Need) {
+        let last = model.model.effects.len() - 1;
+        let Some(louder) = Louder::for_what_is_left(problem, &model.model, bases) else {
+            let test = Self::of(problem, once, model, last, bases);
+            let is_shown = test.shows_need(problem, model, blocks, last);
+            return (test, if is_shown { Need::Shown } else { Need::None });
+        };
+        let test = Self::of(&louder.problem, &louder.once, &louder.fitted, last, bases);
+        let need = test.need(&louder.problem, &louder.fitted, &louder.blocks, last);
+        (test.in_terms_of(problem), need)
+    }
+
     /// The same where rows count as in this problem.
-    pub(super) fn in_terms_of(self, problem: &Problem<'_>) -> Self {
+    fn in_terms_of(self, problem: &Problem<'_>) -> Self {
         let fitted = fit(problem, &self.fitted.model, Effort::Coarse(0), None);
         Self { blocks: Blocks::new(problem, &fitted.model), fitted, ..self }
     }
 
-    /// Whether it does worse on both parts than the model with the effect.
+    /// Whether it does worse on both parts than the model with the effect, which has the same size on both.
     pub(super) fn shows_need(
         &self,
         problem: &Problem<'_>,
@@ -64,6 +93,10 @@ impl Without {
         blocks: &Blocks,
         place: usize,
     ) -> bool {
+        self.need(problem, model, blocks, place) == Need::Shown
+    }
+
+    fn need(&self, problem: &Problem<'_>, model: &Fitted, blocks: &Blocks, place: usize) -> Need {
         let rows = problem.counts();
         let parameters = model.model.effects[place].entry.parameters.len() as f64;
         let explained = self.fitted.total - model.total;
@@ -82,7 +115,10 @@ impl Without {
                 && does_not_speak_against(&judged)
                 && crossed::foretold(problem, model, &amplitudes, &[]).is_some()
         };
-        fall > FALL && (!is_rough && (is_worse || is_plain) || is_foretold()) && !judged::is_another(&judged)
+        if fall <= FALL || !(!is_rough && (is_worse || is_plain) || is_foretold()) {
+            return Need::None;
+        }
+        if judged::is_another(&judged) { Need::OfAnotherSize } else { Need::Shown }
     }
 }
 
