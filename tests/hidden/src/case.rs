@@ -3,7 +3,8 @@
 //!
 //! Nuisances: base parameters off by up to 10 or 30 % (in one of ten cases two of them by a factor of two), coloured
 //! noise, counts, stamps that jitter, one outlier lap in ten cases, no table scale in 40 of 100, a wander of sensors
-//! below the noise, and in a quarter of the cases one kind of run is absent.
+//! below the noise, in a quarter of the cases one kind of run that is absent, and in a quarter a friction that drifts
+//! by up to 2 % in 100 s.
 //! Invariant: a case is a function of its plan, and what is judged reads no file that knows the truth.
 
 use std::fs;
@@ -18,7 +19,7 @@ use serde_json::{Map, Value};
 
 use crate::controller::PERIOD;
 use crate::effect::{Effect, features_of};
-use crate::features::Features;
+use crate::features::{Features, Growth};
 use crate::machine::{Machine, Random, random};
 use crate::machine_file;
 use crate::path::{Motion, Run};
@@ -31,6 +32,8 @@ use crate::trace;
 
 /// Simulations until a severity is met or given up.
 const TRIALS: usize = 7;
+/// Time constant of a friction that drifts: far beyond a session, s.
+const DRIFTS: f64 = 5000.0;
 /// Rest that is recorded before and after a run of a session in one go, s.
 const STILL: f64 = 0.4;
 
@@ -84,6 +87,8 @@ struct Nuisance {
     absent: Option<&'static str>,
     bump: Option<(usize, Bump)>,
     drift: [[f64; 2]; 2],
+    /// Share of the friction that is gone after a second, by axis.
+    friction_drift: [f64; 2],
     stamp_jitter: f64,
     base_error: f64,
     current_gain: Option<f64>,
@@ -208,8 +213,12 @@ impl Bench {
 
     /// The session as it is measured, file by file.
     fn run(&self, plan: &Plan, nuisance: &Nuisance, mut features: [Features; 2]) -> Vec<Recording> {
-        for own in &mut features {
+        for (own, drift) in features.iter_mut().zip(nuisance.friction_drift) {
             own.reading.current_gain = nuisance.current_gain.unwrap_or(0.0);
+            // Clocks that begin anew do not tell of it.
+            if own.rubbing.warm == Growth::default() && plan.form != Form::AtZero {
+                own.rubbing.warm = Growth { amplitude: drift * DRIFTS, time: DRIFTS };
+            }
         }
         let mut session = Session {
             machine: &self.machine,
@@ -323,12 +332,16 @@ impl Nuisance {
         });
         let stamp_jitter = if source.random_bool(0.5) { source.random_range(1e-6..30e-6) } else { 0.0 };
         let current_gain = source.random_range(-0.15..0.15);
+        let mut warmth = random(plan.seed, 5);
+        let is_drifting = warmth.random_bool(0.25);
+        let drifts = machine.axes.map(|_| warmth.random_range(-1e-4..2e-4));
         Self {
             told,
             has_table: !source.random_bool(0.4) || needs_table,
             absent: is_absent.then_some(absent),
             bump: has_bump.then_some((run, bump)),
             drift,
+            friction_drift: if is_drifting { drifts } else { [0.0; 2] },
             stamp_jitter,
             base_error: if gross > 0 { 1.0 } else { level },
             current_gain: (is_decoy && decoy_by_current).then_some(current_gain),

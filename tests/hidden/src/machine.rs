@@ -59,6 +59,7 @@ impl Machine {
             stiffness: 151e6,
             damping: 73.8e3,
             inertia: 0.0064,
+            screw_share: 0.0,
             lead: 0.01,
             efficiency: 0.9,
             torque_constant: 1.0,
@@ -105,6 +106,14 @@ impl Machine {
         y.plant.breakaway *= level;
         y.control = control(&y.plant, &x.control, slower);
         machine.axes = [x, y];
+        // Two of three screws have some of the inertia between their ends.
+        if !seed.is_multiple_of(3) {
+            let mut screws = random(seed, 3);
+            for AxisDesign { plant, .. } in &mut machine.axes {
+                let [least, most] = screw_shares(plant);
+                plant.screw_share = log_uniform(&mut screws, 0.01, 0.08).min(most).max(least);
+            }
+        }
         machine
     }
 }
@@ -135,6 +144,7 @@ fn drawn_axis(source: &mut Random) -> (AxisDesign, f64) {
         stiffness,
         damping,
         inertia,
+        screw_share: 0.0,
         lead,
         efficiency,
         torque_constant: log_uniform(source, 0.4, 1.6).max(hardest / (0.75 * CURRENT_MAX)),
@@ -158,6 +168,16 @@ fn drawn_axis(source: &mut Random) -> (AxisDesign, f64) {
     let slower = source.random_range(4.0..8.0);
     let control = control(&plant, &settings, slower);
     (AxisDesign { plant, control, sensors: sensors(source, &plant) }, slower)
+}
+
+/// Shares of the inertia that a screw may have: with less it would come to rest between its dampers faster than the
+/// integration can follow, with more it would swing between its springs slowly enough to be an effect of its own.
+fn screw_shares(plant: &Plant) -> [f64; 2] {
+    const FASTEST_PER_S: f64 = 4e4;
+    const SLOWEST_RAD_PER_S: f64 = TAU * 300.0;
+    let mobility = plant.travel_per_rad() * plant.torque_per_force() / plant.inertia;
+    let springs = 4.0 * plant.stiffness * mobility;
+    [4.0 * plant.damping * mobility / FASTEST_PER_S, springs / SLOWEST_RAD_PER_S.powi(2)]
 }
 
 /// Gains for a plant: the velocity loop crosses at 32 Hz or 0.6 of the table's resonance on a standing screw, the

@@ -4,7 +4,7 @@
 //! meets with no slope, then `sliding + viscous (a - fall_end)`.
 //! Invariant: nothing here knows of an effect.
 
-/// Parameters of one axis, all of which a machine file states.
+/// Parameters of one axis; a machine file states all of them but one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Plant {
     /// Table, kg.
@@ -15,6 +15,8 @@ pub struct Plant {
     pub damping: f64,
     /// Motor and screw, kg m^2.
     pub inertia: f64,
+    /// Of it what sits within the spring, half of the compliance on either side. A machine file states the rest.
+    pub screw_share: f64,
     /// Travel per turn, m.
     pub lead: f64,
     /// Of the screw, 0 to 1.

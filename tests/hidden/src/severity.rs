@@ -51,6 +51,9 @@ fn base_parameters(plant: &Plant) -> Vec<Change> {
     if plant.viscous > 0.0 {
         changes.push(|plant, share| plant.viscous *= 1.0 + share);
     }
+    if plant.screw_share > 0.0 {
+        changes.push(|plant, share| plant.screw_share *= 1.0 + share);
+    }
     changes
 }
 

@@ -1,6 +1,6 @@
 //! The figures that the machine of the known answers must give: protrusions, radius, energy, breakaway, decay.
 
-use hidden::axis::{Axis, MOTOR, MOTOR_SPEED, Push, TABLE, TABLE_SPEED};
+use hidden::axis::{Axis, MOTOR, MOTOR_SPEED, Push, State, TABLE, TABLE_SPEED};
 use hidden::controller::PERIOD;
 use hidden::features::Features;
 use hidden::machine::Machine;
@@ -138,7 +138,7 @@ fn work_goes_into_motion_spring_damper_and_friction_and_nowhere_else() {
         axis.advance(t, step, &Push { torque, ..Push::default() });
         let after = *axis.state();
         // Trapezoids: of the second order, so small against what passes.
-        let mean = |power: &dyn Fn(&[f64; 8]) -> f64| 0.5 * (power(&before) + power(&after)) * step;
+        let mean = |power: &dyn Fn(&State) -> f64| 0.5 * (power(&before) + power(&after)) * step;
         let put_in = torque * (after[MOTOR] - before[MOTOR]) / plant.travel_per_rad();
         work += put_in;
         throughput += put_in.abs();
@@ -148,4 +148,66 @@ fn work_goes_into_motion_spring_damper_and_friction_and_nowhere_else() {
     let missing = (work - lost - energy(&axis)).abs() / throughput;
     assert!(throughput > 1.0, "only {throughput} J passed");
     assert!(missing < 2e-5, "{missing} of the energy that passed is missing");
+}
+
+/// Force of the screw at steady acceleration, and how far the table is behind the motor then.
+fn pulled(change: impl Fn(&mut Plant), features: &Features) -> [f64; 2] {
+    let mut plant = Machine::paper().axes[0].plant;
+    (plant.breakaway, plant.sliding, plant.efficiency) = (0.0, 0.0, 1.0);
+    change(&mut plant);
+    let mut axis = Axis::new(&plant, features, 0.0, 0.0);
+    for n in 0..40_000 {
+        axis.advance(f64::from(n) * 1e-5, 1e-5, &Push { torque: 1.0, ..Push::default() });
+    }
+    let state = axis.state();
+    [axis.screw_force(0.4), 1e6 * (state[MOTOR] - state[TABLE])]
+}
+
+#[test]
+fn a_screw_within_its_spring_divides_it_and_takes_its_share_of_the_torque() {
+    let mut soft = Features::default();
+    (soft.train.soft_share, soft.train.soft_half_width) = (0.6, 1e-6);
+    for features in [Features::default(), soft] {
+        let [force, apart] = pulled(|_| {}, &features);
+        let share = 0.1;
+        let [after, twice] = pulled(|plant| plant.screw_share = share, &features);
+        is_near(force, after, 1e-6 * force, "N");
+        // The motor's half has what accelerates the screw besides the table.
+        let plant = Machine::paper().axes[0].plant;
+        let reflected = plant.inertia / plant.travel_per_rad().powi(2);
+        let screw = force / plant.mass * share * reflected;
+        is_near(twice, apart + 1e6 * screw / (2.0 * plant.stiffness), 1e-5, "um");
+    }
+}
+
+#[test]
+fn a_table_held_before_a_screw_within_its_spring_has_two_modes() {
+    // Of two masses on springs 2k, 2k before a wall, the motor's and the screw's.
+    let share = 0.2;
+    let (plant, mut axis) = alone(|plant| {
+        plant.screw_share = share;
+        (plant.damping, plant.breakaway, plant.efficiency) = (0.0, 1e9, 1.0);
+    });
+    let reflected = plant.inertia / plant.travel_per_rad().powi(2);
+    let [motor, screw] = [(1.0 - share) * reflected, share * reflected];
+    let spring = 2.0 * plant.stiffness;
+    // `m_m m_s w^4 - (m_s + 2 m_m) K w^2 + K^2 = 0`, the slower root.
+    let (a, b) = (motor * screw, (screw + 2.0 * motor) * spring);
+    let slow = ((b - (b * b - 4.0 * a * spring * spring).sqrt()) / (2.0 * a)).sqrt();
+    // The motor's speed as a sum of both modes; the fast one is small: count the passes through zero.
+    let mut state = *axis.state();
+    state[MOTOR_SPEED] = 1e-3;
+    axis.set_state(state);
+    let mut passes = Vec::new();
+    for n in 0..200_000 {
+        let before = axis.state()[MOTOR];
+        axis.advance(0.0, 1e-6, &Push::default());
+        let after = axis.state()[MOTOR];
+        if before < 0.0 && after >= 0.0 {
+            passes.push(f64::from(n) * 1e-6);
+        }
+    }
+    let known = slow / std::f64::consts::TAU;
+    let found = (passes.len() - 1) as f64 / (passes[passes.len() - 1] - passes[0]);
+    is_near(found, known, 0.01 * known, "Hz");
 }

@@ -25,17 +25,18 @@ impl Axis {
     pub(super) fn train_force(&self, state: &State, t: f64) -> TrainForce {
         let plant = &self.plant;
         let train = &self.features.train;
+        let [driver, driver_speed] = [state[self.driver], state[self.driver + 1]];
         if self.is_plain {
-            let force = plant.stiffness * (state[MOTOR] - state[TABLE])
-                + plant.damping * (state[MOTOR_SPEED] - state[TABLE_SPEED]);
+            let force = plant.stiffness * (driver - state[TABLE])
+                + plant.damping * (driver_speed - state[TABLE_SPEED]);
             return TrainForce { force, reaction: force };
         }
         // The nut's travel: that of the motor with the errors of the lead.
         let scale = train.scale + train.growth.at(t);
-        let nut = self.nut(state[MOTOR], t);
-        let ratio = 1.0 + scale + train.pitch.slope(state[MOTOR]);
+        let nut = self.nut(driver, t);
+        let ratio = 1.0 + scale + train.pitch.slope(driver);
         let apart = nut - state[TABLE];
-        let rate = ratio * state[MOTOR_SPEED] - state[TABLE_SPEED];
+        let rate = ratio * driver_speed - state[TABLE_SPEED];
         let (bend, is_in_contact) = self.bend(apart);
         let mut stiffness = plant.stiffness;
         if train.compliance_slope != 0.0 {
@@ -52,11 +53,11 @@ impl Axis {
         TrainForce { force, reaction: force * ratio }
     }
 
-    /// Where the nut is for a place of the motor; both are zero at home.
+    /// Where the nut is for a place of what drives it; both are zero at home.
     #[inline]
-    pub(super) fn nut(&self, motor: f64, t: f64) -> f64 {
+    pub(super) fn nut(&self, driver: f64, t: f64) -> f64 {
         let train = &self.features.train;
-        motor + (train.scale + train.growth.at(t)) * motor + train.pitch.from_home(motor)
+        driver + (train.scale + train.growth.at(t)) * driver + train.pitch.from_home(driver)
     }
 
     /// How far the spring is bent for a distance between nut and table, and whether a flank touches.
@@ -210,7 +211,7 @@ impl Axis {
             share += height * (-((place - at) / width).powi(2)).exp();
         }
         for wave in &rubbing.ripple {
-            share += wave.at(state[MOTOR] / self.travel_per_rad);
+            share += wave.at(state[self.driver] / self.travel_per_rad);
         }
         dry * share.max(0.0)
     }

@@ -6,6 +6,14 @@
 //!   M x_t'' = F - friction + others,  F = k d + c d'     table; d = x_m - x_t
 //! ```
 //!
+//! A share `s` of `J` may sit within the spring, half of its compliance on either side: the screw, at `x_s`, drives the
+//! table by twice the spring and is driven by as much.
+//!
+//! ```text
+//!   (1-s) J/r x_m'' = K_t i + T - (r/eta) W,  W = 2 k (x_m - x_s) + 2 c (x_m' - x_s')
+//!   s J/r x_s'' = (r/eta) (W - F)             d = x_s - x_t, 2 k, 2 c
+//! ```
+//!
 //! The table sticks or slips. Which one is a state, and the instant at which it changes is found by bisection of the
 //! step: a slip ends where the speed passes zero, and goes on at once if the forces do not balance within the
 //! break-away force; a stick ends where they pass it. Between two such instants the equations are smooth. With
@@ -20,8 +28,9 @@ use elements::Elements;
 use crate::features::Features;
 use crate::plant::Plant;
 
-/// Motor place and speed, table place and speed, current, current ahead of its loop, swing and its speed.
-pub type State = [f64; 8];
+/// Motor place and speed, table place and speed, current, current ahead of its loop, swing and its speed, screw place and
+/// speed.
+pub type State = [f64; 10];
 /// Place of the motor, as travel.
 pub const MOTOR: usize = 0;
 /// Speed of the motor, as travel.
@@ -35,6 +44,8 @@ pub const CURRENT: usize = 4;
 const LAGGING: usize = 5;
 const SWING: usize = 6;
 const SWING_SPEED: usize = 7;
+const SCREW: usize = 8;
+const SCREW_SPEED: usize = 9;
 
 /// Halvings of a step until a change is found: 20 us to 10 ps.
 const HALVINGS: usize = 21;
@@ -63,6 +74,19 @@ pub struct Push {
     pub force: f64,
 }
 
+/// Plant and features of the half of the spring that is behind the screw, so that both halves together are the whole.
+fn behind_the_screw(plant: &Plant, features: &Features) -> (Plant, Features) {
+    let (mut plant, mut features) = (*plant, *features);
+    plant.stiffness *= 2.0;
+    plant.damping *= 2.0;
+    let train = &mut features.train;
+    // The half ahead of it gives as much as without the zone.
+    train.soft_half_width *= 0.5 * (1.0 + train.soft_share);
+    train.soft_share *= 2.0 / (1.0 + train.soft_share);
+    train.compliance_slope *= 2.0;
+    (plant, features)
+}
+
 /// An axis and where it is.
 #[derive(Clone, Debug)]
 pub struct Axis {
@@ -74,9 +98,12 @@ pub struct Axis {
     rubs_differently: bool,
     travel_per_rad: f64,
     torque_per_force: f64,
-    /// Acceleration of the motor as travel per torque, of the table per force.
+    /// Acceleration of motor and screw as travel per torque, of the table per force.
     motor_mobility: f64,
+    screw_mobility: f64,
     table_mobility: f64,
+    /// What drives the nut, [`MOTOR`] or [`SCREW`]; its speed is the next number.
+    driver: usize,
     current_rate: f64,
     state: State,
     contact: Contact,
@@ -90,26 +117,35 @@ impl Axis {
     /// At rest at `t`, the motor at a place and the table without tension behind it.
     pub fn new(plant: &Plant, features: &Features, place: f64, t: f64) -> Self {
         let Features { train, motor, strange, .. } = features;
+        let has_screw = plant.screw_share > 0.0;
+        let (plant, features) =
+            if has_screw { behind_the_screw(plant, features) } else { (*plant, *features) };
         let elements = Elements::new(features.rubbing.presliding);
         let mut axis = Self {
-            plant: *plant,
-            features: *features,
+            plant,
+            features,
             is_plain: *train == Default::default()
                 && *motor == Default::default()
                 && *strange == Default::default(),
             rubs_differently: features.rubbing != Default::default(),
             travel_per_rad: plant.travel_per_rad(),
             torque_per_force: plant.torque_per_force(),
-            motor_mobility: plant.travel_per_rad() / plant.inertia,
+            motor_mobility: plant.travel_per_rad() / ((1.0 - plant.screw_share) * plant.inertia),
+            screw_mobility: if has_screw {
+                plant.travel_per_rad() / (plant.screw_share * plant.inertia)
+            } else {
+                0.0
+            },
+            driver: if has_screw { SCREW } else { MOTOR },
             table_mobility: plant.mass.recip(),
             current_rate: std::f64::consts::TAU * plant.current_loop_hz,
-            state: [0.0; 8],
+            state: [0.0; 10],
             contact: if elements.are_there() { Contact::Elastic } else { Contact::Stick },
             elements,
             wiper_at: 0.0,
             chain: 0.0,
         };
-        axis.state[MOTOR] = place;
+        (axis.state[MOTOR], axis.state[SCREW]) = (place, place);
         axis.state[TABLE] = axis.nut(place, t);
         axis.wiper_at = axis.state[TABLE];
         axis
@@ -234,7 +270,7 @@ impl Axis {
     /// The equations of motion.
     fn slope(&self, state: &State, t: f64, push: &Push) -> State {
         let motor = &self.features.motor;
-        let mut slope = [0.0; 8];
+        let mut slope = [0.0; 10];
         let mut wanted = push.current;
         if motor.lag != 0.0 {
             slope[LAGGING] = (push.current - state[LAGGING]) / motor.lag;
@@ -243,9 +279,17 @@ impl Axis {
         slope[CURRENT] = self.current_rate * (wanted - state[CURRENT]);
 
         let train = self.train_force(state, t);
-        let torque = self.motor_torque(state, t) + push.torque - self.torque_per_force * train.reaction;
+        let driving = self.motor_torque(state, t) + push.torque;
         slope[MOTOR] = state[MOTOR_SPEED];
-        slope[MOTOR_SPEED] = torque * self.motor_mobility;
+        if self.driver == MOTOR {
+            slope[MOTOR_SPEED] = (driving - self.torque_per_force * train.reaction) * self.motor_mobility;
+        } else {
+            let wound = self.plant.stiffness * (state[MOTOR] - state[SCREW])
+                + self.plant.damping * (state[MOTOR_SPEED] - state[SCREW_SPEED]);
+            slope[MOTOR_SPEED] = (driving - self.torque_per_force * wound) * self.motor_mobility;
+            slope[SCREW] = state[SCREW_SPEED];
+            slope[SCREW_SPEED] = self.torque_per_force * (wound - train.reaction) * self.screw_mobility;
+        }
 
         slope[SWING] = state[SWING_SPEED];
         if self.contact != Contact::Stick {
