@@ -6,6 +6,7 @@ mod anew;
 mod behind;
 mod clocks;
 mod crossed;
+mod lines;
 mod loops;
 mod nearby;
 mod passes;
