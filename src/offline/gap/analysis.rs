@@ -12,9 +12,10 @@ use super::bursts::bursts;
 use super::consequence::{Consequence, consequence};
 use super::contour::{Contour, contours};
 use super::controller::{Match, OTHER, by_the_current, explained, left_of, resting_a};
+use super::counted;
 use super::counts;
-use super::floor::{self, Noise};
-use super::forward::{Course, Signals};
+use super::floor::{self, Hidden, Noise};
+use super::forward::{CURRENT, Course, FOLLOWING_ERROR, Signals};
 use super::held::{groups, held_groups};
 use super::locate::{self, Located, RunLeft};
 use super::model::Model;
@@ -263,12 +264,21 @@ pub fn problem_of<'m>(
         of_runs(|axis| axis.table_m.as_ref()),
     );
     let least = [LEAST[0].hypot(count_m), LEAST[1].hypot(count_m).hypot(table_m), LEAST[2]];
-    let noises: [Option<Noise>; SIGNALS.len()] = std::array::from_fn(|signal| {
-        let (_, _, pick) = SIGNALS[signal];
-        let has = measured.iter().flatten().any(|signals| !pick(signals).is_empty());
-        if has { floor::noise(repeats, runs, &measured, pick, least[signal]) } else { None }
-    });
     let mut data = data(machine, runs, repeats, (id, gain_set), phases);
+    let mut hidden = least.map(|least| Hidden { least, answered: Vec::new() });
+    let mut noises: [Option<Noise>; SIGNALS.len()] = Default::default();
+    for (signal, (_, _, pick)) in SIGNALS.into_iter().enumerate() {
+        if measured.iter().flatten().any(|signals| !pick(signals).is_empty()) {
+            noises[signal] = floor::noise(repeats, runs, &measured, pick, &hidden[signal]);
+        }
+        // Passes over the same counts hide what the loops make of them too.
+        let hides = noises[FOLLOWING_ERROR].as_ref().map_or(0.0, |noise| noise.hides);
+        if signal == FOLLOWING_ERROR && hides > 0.0 {
+            let longest = data.iter().max_by_key(|data| data.fit.len());
+            let answered = longest.and_then(|data| counted::in_current(machine, id, gain_set, &data.course));
+            hidden[CURRENT].answered = answered.into_iter().flatten().map(|lag| hides * lag).collect();
+        }
+    }
     for (signal, noise) in noises.iter().enumerate() {
         let Some(noise) = noise else { continue };
         let loudness = floor::loudness(repeats, runs, id, &measured, SIGNALS[signal].2, noise);

@@ -17,15 +17,12 @@ use std::ops::Range;
 
 use super::forward::Signals;
 use super::lines::{lines, without};
+use super::process::{BLOCK_S, autocovariances, left_of, levinson};
 use super::repeat::Repeat;
 use super::runs::Run;
 use crate::base::axis::AxisId;
 use crate::offline::median::median;
 
-/// Stick and slip come at other moments in each pass. Blocks of this length whose power is so many times the usual
-/// hold such an event and are no noise. s.
-const BLOCK_S: f64 = 0.2;
-const EVENT: f64 = 4.0;
 /// At least so many blocks that are as fast tell how loud it is there, and of the same run fewer; slower than this is rest, m/s.
 const AS_FAST: usize = 5;
 const OWN: usize = 2;
@@ -54,22 +51,33 @@ pub struct Noise {
     pub usual: f64,
     /// Frequencies of what passes differ by that are none of it, Hz.
     pub lines: Vec<f64>,
+    /// Share of what no encoder resolves that passes hide, as a power.
+    pub hides: f64,
+    /// Power of all that they hide in the whitened signal.
+    pub hidden: f64,
+}
+
+/// What passes may hide of a signal.
+#[derive(Clone, Debug, Default)]
+pub struct Hidden {
+    /// What no encoder or drive resolves, as a standard deviation.
+    pub least: f64,
+    /// Autocovariances of what passes do hide of what the loops make of it; none where that is nothing.
+    pub answered: Vec<f64>,
 }
 
 /// Which signal of [`Signals`].
 pub type Pick = fn(&Signals) -> &[f64];
 
-/// Noise of a signal of one axis, over all its repeats; `measured` is that axis in each run, `least` what no encoder
-/// or drive resolves.
+/// Noise of a signal of one axis, over all its repeats; `measured` is that axis in each run.
 pub fn noise(
     repeats: &[Repeat],
     runs: &[Run],
     measured: &[Option<Signals>],
     pick: Pick,
-    least: f64,
+    hidden: &Hidden,
 ) -> Option<Noise> {
-    let mut lags = vec![0.0; ORDER + 1];
-    let (mut rows, mut is_from_repeats) = (0usize, true);
+    let least = hidden.least;
     let all: Vec<Vec<f64>> =
         told(repeats, measured, pick).map(|(repeat, signals)| differences(repeat, runs, signals)).collect();
     // Runs of one analysis have one period.
@@ -81,38 +89,41 @@ pub fn noise(
         let difference = without(difference, &lines, period_s);
         blocks.extend(difference.chunks_exact(length).map(<[f64]>::to_vec));
     }
-    let power = |block: &Vec<f64>| block.iter().map(|value| value * value).sum::<f64>() / block.len() as f64;
-    let mut powers: Vec<f64> = blocks.iter().map(power).collect();
-    let usual = median(&mut powers).unwrap_or(0.0);
-    for block in blocks.iter().filter(|block| power(block) <= EVENT * usual) {
-        add_lags(block, &mut lags);
-        rows += block.len();
-    }
-    if rows < 200 {
-        is_from_repeats = false;
-        lags = vec![0.0; ORDER + 1];
-        rows = 0;
+    let of_passes = autocovariances(&blocks);
+    let is_from_repeats = of_passes.is_some();
+    let lags = if let Some(lags) = of_passes {
+        lags
+    } else {
+        let (mut sum, mut rows) = (0.0, 0);
         for signal in measured.iter().flatten().map(pick).filter(|signal| signal.len() > 2) {
             // White noise of variance s² has second differences of 6 s². Motion that is not smooth is no noise.
             let count = signal.len() - 2;
-            lags[0] += usual_power(second_squares(signal)).unwrap_or(0.0) / 6.0 * count as f64;
+            sum += usual_power(second_squares(signal)).unwrap_or(0.0) / 6.0 * count as f64;
             rows += count;
         }
         if rows == 0 {
             return None;
         }
-    }
-    let lags: Vec<f64> = lags.iter().map(|sum| sum / rows as f64).collect();
+        std::iter::once(sum / rows as f64).chain([0.0; ORDER]).collect()
+    };
     // Of what is hidden, passes that differ by more than that show their part.
     let shown2 = if is_from_repeats { levinson(&lags).1 } else { 0.0 };
     let hidden2 = (least * least - shown2).max(0.0);
-    let lags: Vec<f64> = std::iter::once(lags[0] + hidden2).chain(lags[1..].iter().copied()).collect();
+    let hides = if least > 0.0 { hidden2 / (least * least) } else { 0.0 };
+    // Single rows show what the loops answer.
+    let answered = if is_from_repeats { hidden.answered.as_slice() } else { &[] };
+    let more = |lag: usize| answered.get(lag).copied().unwrap_or(0.0) + if lag == 0 { hidden2 } else { 0.0 };
+    let more: Vec<f64> = (0..=ORDER).map(more).collect();
+    let lags: Vec<f64> = lags.iter().zip(&more).map(|(of_passes, more)| of_passes + more).collect();
     let (memory, left2) = levinson(&lags);
     let left = left2.sqrt();
-    let mut noise = Noise { rms: lags[0].sqrt(), is_from_repeats, memory, left, usual: 1.0, lines };
+    let (rms, usual, hidden) = (lags[0].sqrt(), 1.0, 0.0);
+    let mut noise = Noise { rms, is_from_repeats, memory, left, usual, lines, hides, hidden };
     if is_from_repeats {
-        noise.left = left.min(noise.quiet(&blocks)).max(least);
+        let hidden2 = left_of(&noise.memory, &more);
+        noise.left = left.min(noise.quiet(&blocks).hypot(hidden2.sqrt())).max(least);
         noise.usual = left / noise.left;
+        noise.hidden = hidden2 / noise.left.powi(2);
     }
     Some(noise)
 }
@@ -139,7 +150,8 @@ pub fn loudness(
         let white = noise.whitened(&difference);
         let length = ((BLOCK_S / period_s) as usize).max(1);
         for (number, block) in white.chunks(length).enumerate() {
-            let power = block.iter().map(|value| value * value).sum::<f64>() / block.len() as f64;
+            let shown = block.iter().map(|value| value * value).sum::<f64>() / block.len() as f64;
+            let power = shown + noise.hidden;
             let from = repeat.rows[0] + number * length;
             let rows = from..(from + block.len()).min(signals[0].len());
             passed.push(Passed { block: Block::of(run, id, signals[0], rows), power, runs: repeat.runs });
@@ -285,34 +297,6 @@ fn differences(repeat: &Repeat, runs: &[Run], [earlier, later]: [&[f64]; 2]) -> 
     values.iter().enumerate().map(|(row, value)| value - mean - slope * (row as f64 - middle)).collect()
 }
 
-fn add_lags(values: &[f64], lags: &mut [f64]) {
-    for (lag, sum) in lags.iter_mut().enumerate() {
-        *sum += values.iter().zip(values.iter().skip(lag)).map(|(a, b)| a * b).sum::<f64>();
-    }
-}
-
-/// Coefficients of the predictor of a process by its autocovariances, and what it leaves of the variance
-/// (Levinson and Durbin).
-fn levinson(lags: &[f64]) -> (Vec<f64>, f64) {
-    let mut left = lags[0];
-    let mut memory: Vec<f64> = Vec::new();
-    for order in 1..lags.len() {
-        let known: f64 = memory.iter().enumerate().map(|(back, a)| a * lags[order - 1 - back]).sum();
-        let reflection = (lags[order] - known) / left;
-        // No process has such autocovariances: there are too few rows for this order.
-        if reflection.is_nan() || reflection.abs() >= 1.0 {
-            break;
-        }
-        let turned: Vec<f64> = memory.iter().rev().copied().collect();
-        for (a, other) in memory.iter_mut().zip(turned) {
-            *a -= reflection * other;
-        }
-        memory.push(reflection);
-        left *= 1.0 - reflection * reflection;
-    }
-    (memory, left)
-}
-
 impl Noise {
     /// What the filter leaves of most rows of blocks: single jumps of stick and slip are none of them.
     fn quiet(&self, blocks: &[Vec<f64>]) -> f64 {
@@ -402,7 +386,8 @@ mod tests {
     fn noise_of(run: &Run) -> Noise {
         let runs = std::slice::from_ref(run);
         let measured = measured(runs);
-        noise(&repeats(runs), runs, &measured, |signals| &signals.current_a, 0.0).expect("noise")
+        noise(&repeats(runs), runs, &measured, |signals| &signals.current_a, &Hidden::default())
+            .expect("noise")
     }
 
     #[test]
@@ -458,10 +443,47 @@ mod tests {
             let measured = measured(runs);
             let shift = if noise_a == 0.0 { lap as f64 } else { 2_100.4 };
             let repeat = Repeat { what: What::Run, runs: [0, 0], shift, rows: [100, 4_000] };
-            let found = noise(&[repeat], runs, &measured, |signals| &signals.current_a, hidden_a);
+            let hidden = Hidden { least: hidden_a, answered: Vec::new() };
+            let found = noise(&[repeat], runs, &measured, |signals| &signals.current_a, &hidden);
             let rms = found.expect("noise").rms;
             assert!((rms / wanted_a - 1.0).abs() < 0.06, "{rms} A, and not {wanted_a} A");
         }
+    }
+
+    #[test]
+    fn what_loops_answer_to_counts_is_noise_that_passes_hide() {
+        let mut run = circle(0.01, 0.0);
+        let mut random = Pcg64Mcg::seed_from_u64(9);
+        let mut draw = |rms: f64| -> f64 {
+            let drawn: f64 = StandardNormal.sample(&mut random);
+            rms * drawn
+        };
+        // In a fifth of each lap there is twice the noise.
+        let current_a = &mut run.axes.get_mut(&AxisId::X).expect("it has one").current_a;
+        let is_loud = |row: &usize| (0.5..0.7).contains(&((*row as f64 / 2_100.4) % 1.0));
+        (0..current_a.len()).filter(is_loud).for_each(|row| current_a[row] += draw(3_f64.sqrt() * 0.01));
+        let runs = std::slice::from_ref(&run);
+        let (repeats, measured) = (repeats(runs), measured(runs));
+        let pick: Pick = |signals| &signals.current_a;
+        // Differences of white noise of 14 mA.
+        let mut hidden = Hidden { least: 0.0, answered: vec![4e-4, -2e-4] };
+        let found = noise(&repeats, runs, &measured, pick, &hidden).expect("noise");
+        let counts: Vec<f64> = (0..20_000).map(|_| draw(2e-4_f64.sqrt())).collect();
+        let loud = &loudness(&repeats, runs, AxisId::X, &measured, pick, &found)[0];
+        for (noise_a, rows) in [(0.01, 2_300..2_900), (0.02, 3_200..3_500)] {
+            let signal: Vec<f64> = counts.windows(2).map(|pair| pair[1] - pair[0] + draw(noise_a)).collect();
+            let white = found.whitened(&signal);
+            let power = white.iter().map(|value| value * value).sum::<f64>() / white.len() as f64;
+            let loud2 = rows.clone().map(|row| loud[row] * loud[row]).sum::<f64>() / rows.len() as f64;
+            assert!((power / loud2 - 1.0).abs() < 0.1, "{noise_a} A: {power}, taken for {loud2}");
+        }
+        hidden.answered.clear();
+        let shown = noise(&repeats, runs, &measured, pick, &hidden).expect("noise").rms;
+        assert!(
+            ((found.rms.powi(2) - shown.powi(2)) / 4e-4 - 1.0).abs() < 1e-6,
+            "{} A, {shown} A",
+            found.rms
+        );
     }
 
     #[test]
@@ -499,7 +521,7 @@ mod tests {
         let measured = measured(runs);
         let pick: Pick = |signals| &signals.current_a;
         let repeats = repeats(runs);
-        let noise = noise(&repeats, runs, &measured, pick, 0.0).expect("noise");
+        let noise = noise(&repeats, runs, &measured, pick, &Hidden::default()).expect("noise");
         assert!((noise.left / 0.01 - 1.0).abs() < 0.35, "the quiet rows have 0.01 A, found {}", noise.left);
         let loud = &loudness(&repeats, runs, AxisId::X, &measured, pick, &noise)[0];
         let [far, near] = [2_100 + 1_260, 2_100 + 400].map(|row| loud[row]);
@@ -524,7 +546,8 @@ mod tests {
         let measured = measured(&runs);
         let repeats = repeats(&runs);
         assert_eq!(repeats[0].what, What::Opposite(AxisId::X));
-        let found = noise(&repeats, &runs, &measured, |signals| &signals.current_a, 0.0).expect("noise");
+        let found = noise(&repeats, &runs, &measured, |signals| &signals.current_a, &Hidden::default())
+            .expect("noise");
         assert!((found.rms / 0.02 - 1.0).abs() < 0.15, "{} A", found.rms);
     }
 
@@ -554,7 +577,7 @@ mod tests {
         let pick: Pick = |signals| &signals.current_a;
         let repeats = repeats(&runs);
         assert!(repeats.iter().all(|repeat| repeat.runs == [0, 1]), "{repeats:?}");
-        let noise = noise(&repeats, &runs, &measured, pick, 0.0).expect("noise");
+        let noise = noise(&repeats, &runs, &measured, pick, &Hidden::default()).expect("noise");
         let loud = loudness(&repeats, &runs, AxisId::X, &measured, pick, &noise);
         let [slow, fast, passed] = [(2, 3_000), (3, 3_000), (0, 5_000)].map(|(run, row)| loud[run][row]);
         assert!(slow < 1.2 && passed > 1.5, "{slow} and {passed}");
@@ -587,7 +610,7 @@ mod tests {
         let pick: Pick = |signals| &signals.current_a;
         let repeats = repeats(&runs);
         assert!(repeats.iter().all(|repeat| repeat.runs == [0, 0]), "{repeats:?}");
-        let noise = noise(&repeats, &runs, &measured, pick, 0.0).expect("noise");
+        let noise = noise(&repeats, &runs, &measured, pick, &Hidden::default()).expect("noise");
         let loud = loudness(&repeats, &runs, AxisId::X, &measured, pick, &noise);
         let quiet = 0.01 / noise.left;
         assert!((loud[1][3_000] / (9.0 * quiet) - 1.0).abs() < 0.25, "{} of {quiet}", loud[1][3_000]);

@@ -8,8 +8,8 @@
 //! ```
 //!
 //! [`intake`] looks at data, and [`logged`] at logs, before they are believed as [`runs`], of one kind of `motions` each;
-//! [`limits`] that these go beyond are lifted; `sparse` fills in what the loops were given where a log has not every cycle; [`floor`] finds the noise in
-//! [`repeats`], of each of which [`mod@repeat`] says what comes again, as the `laps` of a run do, and `counts` what no encoder resolves; [`forward`] runs the machine file from the command alone and [`controller`] its loops alone; [`fit`] fits a
+//! [`limits`] that these go beyond are lifted; `sparse` fills in what the loops were given where a log has not every cycle; [`floor`] finds the noise, a `process`, in
+//! [`repeats`], of each of which [`mod@repeat`] says what comes again, as the `laps` of a run do, and `counts` what no encoder resolves, of which `counted` tells what the loops answer; [`forward`] runs the machine file from the command alone and [`controller`] its loops alone; [`fit`] fits a
 //! [`model`] in closed loop to a [`problem`], by its derivatives ([`linear`]), first where the axis is `moving` and then where the model
 //! is `straight`; [`clocks`] are set where files have none in common; [`locate`] tells where the gap lives;
 //! [`shortlist`], which holds `trials` against what is left, of phases `turned` by thirds, and knows what is the [`smallest`] to be seen, and [`mod@name`] find the effects, which have to pass the [`gates`] and to be needed (`without`), and name last what
@@ -27,6 +27,7 @@ pub mod clocks;
 pub mod consequence;
 pub mod contour;
 pub mod controller;
+mod counted;
 mod counts;
 pub mod crossed;
 pub mod demo;
@@ -54,6 +55,7 @@ mod near;
 pub mod nearby;
 pub mod plan;
 pub mod problem;
+mod process;
 mod refit;
 pub mod repeat;
 pub mod repeats;

@@ -93,7 +93,16 @@ mod tests {
         };
         let noise = |left: f64| {
             let memory = vec![0.6, 0.1];
-            Some(Noise { rms: left, is_from_repeats: true, memory, left, usual: 1.0, lines: Vec::new() })
+            Some(Noise {
+                rms: left,
+                is_from_repeats: true,
+                memory,
+                left,
+                usual: 1.0,
+                lines: Vec::new(),
+                hides: 0.0,
+                hidden: 0.0,
+            })
         };
         let noises = [noise(2e-7), noise(1e-7), noise(0.05)];
         Problem::new(machine, AxisId::X, 0, vec![data], noises).written_in(1e-6)
