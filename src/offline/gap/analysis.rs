@@ -11,7 +11,7 @@ use super::behind::{self, Behind};
 use super::bursts::bursts;
 use super::consequence::{Consequence, consequence};
 use super::contour::{Contour, contours};
-use super::controller::{Match, OTHER, by_the_current, explained, left_of, resting_a};
+use super::controller::{Match, OTHER, by_the_current, explained, left_of, phase_of, resting_a};
 use super::counted;
 use super::counts;
 use super::floor::{self, Hidden, Noise};
@@ -301,7 +301,7 @@ fn loops(
     axis: &str,
 ) -> Result<(Option<Match>, Vec<usize>), GapError> {
     let own = |matches: &[Match]| matches.iter().find(|found| found.gain_set == gain_set).copied();
-    let phases = all.iter().map(|matches| own(matches).map_or(0, |found| found.phase)).collect();
+    let phases = all.iter().map(|matches| phase_of(matches, gain_set)).collect();
     let left = left_of(all, gain_set);
     for other in (0..machine.gain_sets.len() as u8).filter(|other| is_named && *other != gain_set) {
         let other_left = left_of(all, other);

@@ -4,6 +4,7 @@
 //! Invariant: a difference here is no matter of friction or mechanics.
 
 use std::collections::VecDeque;
+use std::ops::Range;
 
 use rayon::prelude::*;
 
@@ -28,6 +29,9 @@ const LAGS: [f64; 7] = [0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 5.0];
 /// Loops that leave less of the current than this are those of the file; others must leave this share of what they leave.
 const WELL: f64 = 0.1;
 pub(super) const OTHER: f64 = 0.5;
+
+/// Rows on either side beside which a step of the position loop shows, in its periods.
+const STEPS: usize = 2;
 
 /// So many rows the loops need to forget the noise of that in which they took over, and as many tell what they begin with.
 const FIRST: usize = 16;
@@ -124,25 +128,44 @@ pub struct Match {
     pub phase: usize,
     /// By how many ticks the current comes later than is known.
     pub late: usize,
-    /// Rms of what they do not explain as a share of the rms of the current; its slow part is left out.
+    /// Rms of what they do not explain as a share of the rms of the current; its mean is left out.
     pub left_share: f64,
+    /// The same of rows beside those about them: a gain that is off adds up over seconds to what hides the steps of the position
+    /// loop.
+    pub steps_share: f64,
 }
 
-/// Rms of the current but what was asked for so many ticks before, as a share of the rms of the current; a row is so many ticks.
-fn left_share(run: &Run, axis: &AxisRun, (asked_a, ticks): (&[f64], usize), late: usize) -> f64 {
+/// What is left of the current but what was asked for so many ticks before, as two shares of the rms of the current; a row is so many
+/// ticks. Of all rows about their mean, and of each about those within so many.
+fn left_shares(
+    run: &Run,
+    axis: &AxisRun,
+    (asked_a, ticks): (&[f64], usize),
+    late: usize,
+    about: usize,
+) -> [f64; 2] {
     let first = ((SETTLE_S / run.period_s) as usize).max(late.div_ceil(ticks)).min(run.len());
     let asked_a = |row: usize| asked_a[row * ticks - late];
     let off: Vec<f64> =
         axis.current_a.iter().enumerate().skip(first).map(|(row, is)| is - asked_a(row)).collect();
-    let mean = off.iter().sum::<f64>() / off.len().max(1) as f64;
-    let (mut left, mut whole) = (0.0, 0.0);
-    for ((off, is), is_sound) in off.iter().zip(&axis.current_a[first..]).zip(&run.is_sound[first..]) {
-        if *is_sound {
-            left += (off - mean).powi(2);
-            whole += is * is;
+    let sums: Vec<f64> = std::iter::once(0.0)
+        .chain(off.iter().scan(0.0, |sum, off| {
+            *sum += off;
+            Some(*sum)
+        }))
+        .collect();
+    let mean = |rows: Range<usize>| (sums[rows.end] - sums[rows.start]) / rows.len().max(1) as f64;
+    let all = mean(0..off.len());
+    let (mut left, mut whole) = ([0.0; 2], 0.0);
+    let rows = off.iter().zip(&axis.current_a[first..]).zip(&run.is_sound[first..]).enumerate();
+    for (row, ((off_a, is_a), _)) in rows.filter(|(_, (_, is_sound))| **is_sound) {
+        let near = mean(row.saturating_sub(about)..(row + about + 1).min(off.len()));
+        for (left, mean) in left.iter_mut().zip([all, near]) {
+            *left += (off_a - mean).powi(2);
         }
+        whole += is_a * is_a;
     }
-    (left / whole).sqrt()
+    left.map(|left| (left / whole).sqrt())
 }
 
 /// What was asked for behind a lag of so many ticks.
@@ -210,28 +233,41 @@ pub(super) fn left_of(all: &[Vec<Match>], set: u8) -> f64 {
     all.iter().filter_map(of).sum::<f64>() / count
 }
 
-/// The best of all gain sets and phases first. Delays and lags that are not known must not pass for another phase: each
+/// In which row of a run the position loop of a gain set acts first.
+pub(super) fn phase_of(matches: &[Match], set: u8) -> usize {
+    let own = matches.iter().filter(|found| found.gain_set == set);
+    own.min_by(|a, b| a.steps_share.total_cmp(&b.steps_share)).map_or(0, |found| found.phase)
+}
+
+/// What all gain sets and phases leave, the least first. Delays and lags that are not known must not pass for another phase: each
 /// is held against the current that came so many ticks later.
 fn matches(machine: &Machine, id: AxisId, run: &Run, velocity_estimate: VelocityEstimate) -> Vec<Match> {
     let Some(axis) = run.axes.get(&id) else { return Vec::new() };
     let cycles = cycles(run, machine);
     let (seen, setpoints) = seen(run, axis, run.len(), cycles);
+    let about = STEPS * machine.cycle.position_every as usize;
     let mut all = Vec::new();
     for gain_set in 0..machine.gain_sets.len() {
         for phase in 0..machine.cycle.position_every as usize {
             let asked =
                 replayed(machine, id, (gain_set as u8, velocity_estimate), (&seen, &setpoints), phase);
-            let left = LAGS.into_iter().flat_map(|lag| {
-                let lagged = lagged(&asked, lag);
-                (0..=LATE_MAX).map(move |late| (late, left_share(run, axis, (&lagged, cycles), late)))
-            });
-            let best = left.min_by(|a, b| a.1.total_cmp(&b.1));
-            all.extend(best.map(|(late, left_share)| Match {
+            let left: Vec<(usize, [f64; 2])> = LAGS
+                .into_iter()
+                .flat_map(|lag| {
+                    let lagged = lagged(&asked, lag);
+                    (0..=LATE_MAX)
+                        .map(move |late| (late, left_shares(run, axis, (&lagged, cycles), late, about)))
+                })
+                .collect();
+            let steps_share = left.iter().map(|(_, [_, steps])| *steps).fold(f64::INFINITY, f64::min);
+            let best = left.into_iter().min_by(|(_, [a, _]), (_, [b, _])| a.total_cmp(b));
+            all.extend(best.map(|(late, [left_share, _])| Match {
                 gain_set: gain_set as u8,
                 velocity_estimate,
                 phase,
                 late,
                 left_share,
+                steps_share,
             }));
         }
     }
@@ -242,11 +278,13 @@ fn matches(machine: &Machine, id: AxisId, run: &Run, velocity_estimate: Velocity
 #[cfg(test)]
 mod tests {
     use std::collections::BTreeMap;
+    use std::f64::consts::TAU;
 
     use rand::SeedableRng;
     use rand_distr::{Distribution, StandardNormal};
     use rand_pcg::Pcg64Mcg;
 
+    use super::super::forward::Course;
     use super::*;
     use crate::config;
 
@@ -277,5 +315,37 @@ mod tests {
         let short = run.axes[&AxisId::X].by_columns(|column| column[REST - 20..].to_vec());
         let short = Run { axes: BTreeMap::from([(AxisId::X, short)]), is_sound: vec![true; 120], ..run };
         assert_eq!(resting_a(&machine, AxisId::X, 0, &short, 0), None, "it hardly rests");
+    }
+
+    #[test]
+    fn a_gain_that_is_off_hides_no_step_of_the_position_loop() {
+        const PHASE: usize = 2;
+        let mut machine = config::load("paper").expect("a machine");
+        assert!(machine.cycle.position_every as usize > PHASE);
+        let (id, period_s) = (AxisId::X, machine.cycle.period.as_s());
+        machine.axes[id].control.gain_sets[0].position.velocity_feed_forward = 0.6;
+        // Laps of half a second: between two steps of the position loop the feed-forward changes.
+        let setpoint_m: Vec<f64> =
+            (0..20_000).map(|row| 2e-3 * (1.0 - (TAU * 2.0 * f64::from(row) * period_s).cos())).collect();
+        let rows = setpoint_m.len();
+        let columns = || vec![0.0; rows];
+        let axis = AxisRun { position_m: columns(), table_m: None, current_a: columns(), setpoint_m };
+        let axes = BTreeMap::from([(id, axis)]);
+        let mut run =
+            Run { name: "laps".to_owned(), start_s: 0.0, period_s, axes, is_sound: vec![true; rows] };
+        let course = Course::new(&run, &machine, id, PHASE, 0.0).expect("an axis");
+        let mut other = machine.axes[id];
+        other.control.gain_sets[0].position.gain_per_s *= 1.02;
+        let made = course.run(&other, machine.cycle.position_every, 0, &other.plant);
+        let mut random = Pcg64Mcg::seed_from_u64(6);
+        let mut noisy_a = |current_a: f64| -> f64 {
+            let drawn: f64 = StandardNormal.sample(&mut random);
+            current_a + 0.005 * drawn
+        };
+        let axis = run.axes.get_mut(&id).expect("an axis");
+        axis.position_m = axis.setpoint_m.iter().zip(&made.following_error_m).map(|(s, e)| s - e).collect();
+        axis.current_a = made.current_a.iter().map(|current_a| noisy_a(*current_a)).collect();
+        let all = matches(&machine, id, &run, machine.axes[id].velocity_estimate);
+        assert_eq!(phase_of(&all, 0), PHASE, "{all:?}");
     }
 }
