@@ -14,8 +14,8 @@ use super::contour::{Contour, contours};
 use super::controller::{Match, OTHER, by_the_current, explained, left_of, phase_of, resting_a};
 use super::counted;
 use super::counts;
-use super::floor::{self, Hidden, Noise};
-use super::forward::{CURRENT, Course, FOLLOWING_ERROR, Signals};
+use super::floor::{self, Hidden};
+use super::forward::{CURRENT, Course, DEFLECTION, FOLLOWING_ERROR, Signals};
 use super::held::{groups, held_groups};
 use super::locate::{self, Located, RunLeft};
 use super::model::Model;
@@ -265,20 +265,19 @@ pub fn problem_of<'m>(
     );
     let least = [LEAST[0].hypot(count_m), LEAST[1].hypot(count_m).hypot(table_m), LEAST[2]];
     let mut data = data(machine, runs, repeats, (id, gain_set), phases);
-    let mut hidden = least.map(|least| Hidden { least, answered: Vec::new() });
-    let mut noises: [Option<Noise>; SIGNALS.len()] = Default::default();
-    for (signal, (_, _, pick)) in SIGNALS.into_iter().enumerate() {
-        if measured.iter().flatten().any(|signals| !pick(signals).is_empty()) {
-            noises[signal] = floor::noise(repeats, runs, &measured, pick, &hidden[signal]);
-        }
-        // Passes over the same counts hide what the loops make of them too.
-        let hides = noises[FOLLOWING_ERROR].as_ref().map_or(0.0, |noise| noise.hides);
-        if signal == FOLLOWING_ERROR && hides > 0.0 {
-            let longest = data.iter().max_by_key(|data| data.fit.len());
-            let answered = longest.and_then(|data| counted::in_current(machine, id, gain_set, &data.course));
-            hidden[CURRENT].answered = answered.into_iter().flatten().map(|lag| hides * lag).collect();
-        }
-    }
+    let noise = |signal: usize, answered: Vec<f64>| {
+        let (_, _, pick) = SIGNALS[signal];
+        let has = measured.iter().flatten().any(|signals| !pick(signals).is_empty());
+        let hidden = Hidden { least: least[signal], answered };
+        if has { floor::noise(repeats, runs, &measured, pick, &hidden) } else { None }
+    };
+    let following_error = noise(FOLLOWING_ERROR, Vec::new());
+    // Passes over the same counts hide what the loops make of them too.
+    let hides = following_error.as_ref().map_or(0.0, |noise| noise.hides);
+    let longest = data.iter().filter(|_| hides > 0.0).max_by_key(|data| data.fit.len());
+    let answered = longest.and_then(|data| counted::in_current(machine, id, gain_set, &data.course));
+    let answered = answered.into_iter().flatten().map(|lag| hides * lag).collect();
+    let noises = [following_error, noise(DEFLECTION, Vec::new()), noise(CURRENT, answered)];
     for (signal, noise) in noises.iter().enumerate() {
         let Some(noise) = noise else { continue };
         let loudness = floor::loudness(repeats, runs, id, &measured, SIGNALS[signal].2, noise);
