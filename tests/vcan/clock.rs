@@ -21,8 +21,6 @@ use crate::slow::{self, CIRCLE};
 
 /// How far a figure may be from that of the run in memory, um.
 const OFF_UM_MAX: f64 = 0.3;
-/// Cycles in a thousand that may be skipped, or samples without fresh feedback, in a run that kept up.
-const MISSED_PER_THOUSAND: u64 = 1;
 
 /// The simulated machine on the wall clock.
 fn live(interface: &Interface, machine: &Path) -> Machine {
@@ -40,7 +38,8 @@ fn figures(told: &Value) -> [f64; 2] {
     [&told["protrusion_um"]["motor"]["max"], &told["radius_decrease_um"]].map(|um| um.as_f64().unwrap())
 }
 
-/// Runs the circle on a machine; its figures if it kept up, else why not.
+/// Runs the circle on a machine; its figures if it kept up, else why not. One cycle that is missed as an axis breaks
+/// away moves its protrusion by up to 0.26 um, and a few of them by more than the bound.
 fn run_at(interface: &Interface, machine: &Path) -> Result<[f64; 2], String> {
     let folder = TempDir::new().unwrap();
     let simulated = live(interface, machine);
@@ -54,7 +53,7 @@ fn run_at(interface: &Interface, machine: &Path) -> Result<[f64; 2], String> {
     let told = result(&output);
     let [cycles, skipped, stale] =
         ["cycles", "overruns", "stale_samples"].map(|count| told[count].as_u64().unwrap());
-    if (skipped + stale) * 1_000 > cycles * MISSED_PER_THOUSAND {
+    if skipped + stale > 0 {
         return Err(format!("{skipped} of {cycles} cycles skipped, {stale} samples stale"));
     }
     Ok(figures(&told))
