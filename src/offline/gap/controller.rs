@@ -245,7 +245,7 @@ fn matches(machine: &Machine, id: AxisId, run: &Run, velocity_estimate: Velocity
     let Some(axis) = run.axes.get(&id) else { return Vec::new() };
     let cycles = cycles(run, machine);
     let (seen, setpoints) = seen(run, axis, run.len(), cycles);
-    let about = STEPS * machine.cycle.position_every as usize;
+    let about = (STEPS * machine.cycle.position_every as usize).div_ceil(cycles);
     let mut all = Vec::new();
     for gain_set in 0..machine.gain_sets.len() {
         for phase in 0..machine.cycle.position_every as usize {
