@@ -9,6 +9,7 @@ use thiserror::Error;
 
 use super::behind::{self, Behind};
 use super::bursts::bursts;
+use super::clocks::origin_s;
 use super::consequence::{Consequence, consequence};
 use super::contour::{Contour, contours};
 use super::controller::{Match, OTHER, by_the_current, explained, left_of, phase_of, resting_a};
@@ -328,7 +329,7 @@ fn data(
 ) -> Vec<AxisData> {
     let groups = groups(runs, repeats);
     let held_groups = held_groups(runs, &groups);
-    let origin_s = runs.iter().map(|run| run.start_s).fold(f64::INFINITY, f64::min);
+    let origin_s = origin_s(runs);
     let mut all = Vec::new();
     let busy: Vec<Option<Range<usize>>> =
         runs.iter().map(|run| busy(run.axes.get(&id)?, run.period_s)).collect();

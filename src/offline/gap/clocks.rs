@@ -45,6 +45,15 @@ fn is_one(mut spans_s: Vec<[f64; 2]>) -> bool {
     spans_s.windows(2).all(|pair| pair[1][0] > pair[0][1] - OVERLAP_S)
 }
 
+/// Where time begins, s: at zero, if the clock was there no longer before the first run than all runs take; else with the first run.
+/// What swings, grows or gets warm began with the clock and not with the first file that is there.
+pub(super) fn origin_s(runs: &[Run]) -> f64 {
+    let spans_s: Vec<[f64; 2]> =
+        runs.iter().map(|run| [run.start_s, run.start_s + run.duration_s()]).collect();
+    let first_s = spans_s.iter().map(|[begin_s, _]| *begin_s).fold(f64::INFINITY, f64::min);
+    if (0.0..=session_s(&spans_s)).contains(&first_s) { 0.0 } else { first_s }
+}
+
 /// Whether runs lie no further apart than those of one session.
 fn is_one_session(spans_s: &[[f64; 2]]) -> bool {
     session_s(spans_s) <= APART * spans_s.iter().map(|[begin_s, end_s]| end_s - begin_s).sum::<f64>()
@@ -152,6 +161,7 @@ fn phases(left: &[Residual], hz: f64, period_s: f64) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::base::axis::AxisId;
 
     const PERIOD_S: f64 = 5e-4;
 
@@ -160,6 +170,16 @@ mod tests {
         assert!(is_one(vec![[10.0, 15.0], [0.0, 9.0], [15.0, 16.0]]));
         assert!(!is_one(vec![[0.0, 5.0], [0.0, 6.0]]));
         assert!(is_one(Vec::new()));
+    }
+
+    #[test]
+    fn time_begins_with_the_clock_where_that_was_set_for_these_runs() {
+        let run =
+            |start_s: f64| Run { start_s, ..Run::of_setpoints(PERIOD_S, [(AxisId::X, vec![0.0; 20_000])]) };
+        let origin_s = |starts_s: &[f64]| origin_s(&starts_s.iter().copied().map(run).collect::<Vec<_>>());
+        assert_eq!(origin_s(&[31.0, 12.0, 50.0]), 0.0, "the first file is left out");
+        assert_eq!(origin_s(&[1.7e9, 1.7e9 + 12.0]), 1.7e9, "since 1970");
+        assert_eq!(origin_s(&[-3.0, 12.0]), -3.0);
     }
 
     #[test]
