@@ -114,7 +114,7 @@ mod tests {
     #[test]
     fn a_play_is_tried_at_many_sizes_and_an_eccentricity_at_one() {
         for (name, place, count) in
-            [("backlash", 0, 5), ("presliding", 0, 4), ("soft-zone", 1, 4), ("encoder-eccentricity", 0, 1)]
+            [("backlash", 0, 5), ("presliding", 0, 5), ("soft-zone", 1, 4), ("encoder-eccentricity", 0, 1)]
         {
             let seeds = seeds(entry(name).expect("an effect"), &|_| Vec::new());
             let mut sizes: Vec<f64> =

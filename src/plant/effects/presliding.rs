@@ -19,7 +19,7 @@ pub(super) const ENTRY: Entry = Entry {
     name: "presliding",
     summary: "a table that moves by micrometres before it slides",
     equation: "df/dx = σ (1 - f sign(dx) / F(v)), σ = F_low / x_b",
-    parameters: &[Parameter::new("way-um", "um", [0.5, 200.0], 10.0, 10.0)],
+    parameters: &[Parameter::new("way-um", "um", [0.1, 200.0], 10.0, 10.0)],
     coordinate: Coordinate::WaySinceReversal,
     experiment: Experiment::SmallReversals,
     aliases: &[],

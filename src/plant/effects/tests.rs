@@ -194,6 +194,14 @@ fn a_tick_in_ten_steps_of_their_own_changes_less_than_can_be_seen() {
     }
 }
 
+#[test]
+fn bristles_of_the_shortest_way_swing_no_faster_than_fine_steps_follow() {
+    let entry = entry("presliding").expect("an effect");
+    let axis = paper_axis().with_effect(entry, [entry.parameters[0].bounds[0], 0.0, 0.0]);
+    let (off_um, off) = apart(&run(&axis, 10), &run(&axis, 100));
+    assert!(off_um < 0.01 && off < 5e-4, "{off_um} um, {off} of the current by steps of a tenth");
+}
+
 /// Current, A, wind-up, um, and place of the table, m, of an axis that has moved steadily for 0.4 s, from a place on.
 fn steady(axis: &Parameters, mm_per_s: f64, from_mm: f64) -> [f64; 3] {
     let velocity = Velocity::mm_per_s(mm_per_s);
