@@ -120,7 +120,9 @@ fn listed(
     let Some(curvature) = curvature.cholesky() else {
         return Shortlist { scored: Vec::new(), smallest: Vec::new() };
     };
-    let (known, covariance) = ((curvature.clone(), equations.slope), curvature.inverse());
+    // What a problem holds only tells how much could be made up for: moved, it would stay there.
+    let moves: Vec<bool> = (0..model.coordinate_count()).map(|at| problem.tells(model, at)).collect();
+    let (known, covariance) = ((curvature.clone(), equations.slope, moves), curvature.inverse());
     let places = problem.places(Part::Fit);
     let [block, about] = [BLOCK_S, 2.0 * NEAR_S].map(|time_s| problem.rows_in(time_s));
     let left: Vec<Left> = here.runs.par_iter().map(Left::of).collect();
@@ -248,7 +250,7 @@ impl Sums {
     fn scored(
         &self,
         Beyond { made_up, held }: Beyond,
-        (curvature, slope): &(Cholesky<f64, Dyn>, DVector<f64>),
+        (curvature, slope, moves): &(Cholesky<f64, Dyn>, DVector<f64>, Vec<bool>),
         tangents: &[DMatrix<f64>],
         model: &Model,
         Tried { entry, values }: Tried,
@@ -289,8 +291,8 @@ impl Sums {
         }
         let moved = curvature.solve(&(-slope - self.crossed.transpose() * (part * &shares)));
         let share = share_that_holds(&moved);
-        let at: Vec<f64> =
-            model.coordinates().iter().zip(moved.iter()).map(|(at, by)| at + share * by).collect();
+        let moved = moved.iter().zip(moves).map(|(by, moves)| if *moves { share * by } else { 0.0 });
+        let at: Vec<f64> = model.coordinates().iter().zip(moved).map(|(at, by)| at + by).collect();
         let tried = Tried { entry, values: tried };
         Some(Scored {
             starts: [model.with(tried), model.at(&at).with(tried)],
@@ -348,7 +350,10 @@ fn products(a: &Residual, b: &Residual) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::usual;
     use super::*;
+    use crate::plant::effects::entry;
+    use crate::plant::tests::paper_axis;
 
     #[test]
     fn what_gains_a_little_everywhere_is_surer_than_what_gains_more_in_one_place() {
@@ -357,6 +362,32 @@ mod tests {
             sureness((0..100).map(|block| if block == 7 { 1_000.0 } else { 1.0 })),
         ];
         assert!((everywhere - 20.0).abs() < 1e-9 && once < 1.3, "{everywhere}, {once}");
+    }
+
+    #[test]
+    fn what_rows_do_not_tell_starts_where_it_is_though_it_could_make_up_for_an_effect() {
+        let model = usual::with(&Model::new(paper_axis()));
+        let (force, mass) = (model.constant_force().expect("it is usual"), 0);
+        let count = model.coordinate_count();
+        let of = |held: Option<usize>| {
+            let sums = Sums {
+                crossed: DMatrix::from_element(1, count, 0.1),
+                columns: DMatrix::from_element(1, 1, 100.0),
+                slope: DVector::from_element(1, -50.0),
+                blocks: Vec::new(),
+            };
+            let curvature = DMatrix::identity(count, count).cholesky().expect("a regular matrix");
+            let beyond = sums.beyond(&curvature);
+            let moves = (0..count).map(|at| Some(at) != held).collect();
+            let entry = entry("backlash").expect("an effect");
+            let tried = Tried { entry, values: entry.nominal() };
+            let known = (curvature, DVector::from_element(count, 0.3), moves);
+            let [_, other] = sums.scored(beyond, &known, &[], &model, tried).expect("a gain").starts;
+            [force, mass].map(|at| other.coordinates()[at] - model.coordinates()[at])
+        };
+        let [free, held] = [None, Some(force)].map(of);
+        assert!(free[0] != 0.0 && free[1] != 0.0, "{free:?}");
+        assert_eq!(held, [0.0, free[1]]);
     }
 
     #[test]
