@@ -184,22 +184,17 @@ fn an_effect_with_its_usual_values_is_plain_to_see() {
 #[test]
 fn a_tick_in_ten_steps_of_their_own_changes_less_than_can_be_seen() {
     // A tenth of what counts: 0.1 um and 0.5 % of the current. A plant that is stepped so often takes no long steps.
-    for entry in CATALOGUE {
-        let axis = paper_axis().with_effect(entry, entry.nominal());
+    // Bristles swing the faster the shorter their way.
+    let presliding = entry("presliding").expect("an effect");
+    let shortest = (presliding, [presliding.parameters[0].bounds[0], 0.0, 0.0]);
+    for (entry, values) in CATALOGUE.iter().map(|entry| (entry, entry.nominal())).chain([shortest]) {
+        let axis = paper_axis().with_effect(entry, values);
         let tick = Span::us(50);
         let (off_um, off) = apart(&run(&axis, 10), &reversal_in(under_way_at(&axis, tick, 4), 10));
         println!("{}: {off_um:.5} um, {:.5} % of the current", entry.name, 100.0 * off);
         assert!(off_um < 0.01, "{}: {off_um} um by steps of a tenth", entry.name);
         assert!(off < 5e-4, "{}: {} % of the current by steps of a tenth", entry.name, 100.0 * off);
     }
-}
-
-#[test]
-fn bristles_of_the_shortest_way_swing_no_faster_than_fine_steps_follow() {
-    let entry = entry("presliding").expect("an effect");
-    let axis = paper_axis().with_effect(entry, [entry.parameters[0].bounds[0], 0.0, 0.0]);
-    let (off_um, off) = apart(&run(&axis, 10), &run(&axis, 100));
-    assert!(off_um < 0.01 && off < 5e-4, "{off_um} um, {off} of the current by steps of a tenth");
 }
 
 /// Current, A, wind-up, um, and place of the table, m, of an axis that has moved steadily for 0.4 s, from a place on.
