@@ -37,7 +37,12 @@ const GROWING: [&str; 2] = ["friction-warm-up", "thermal-growth"];
 
 /// Whether no two runs take place at the same time.
 pub fn have_one(runs: &[Run]) -> bool {
-    is_one(runs.iter().map(|run| [run.start_s, run.start_s + run.duration_s()]).collect())
+    is_one(spans_s(runs))
+}
+
+/// When each run begins and ends by its own clock, s.
+fn spans_s(runs: &[Run]) -> Vec<[f64; 2]> {
+    runs.iter().map(|run| [run.start_s, run.start_s + run.duration_s()]).collect()
 }
 
 fn is_one(mut spans_s: Vec<[f64; 2]>) -> bool {
@@ -48,8 +53,7 @@ fn is_one(mut spans_s: Vec<[f64; 2]>) -> bool {
 /// Where time begins, s: at zero, if the clock was there no longer before the first run than all runs take; else with the first run.
 /// What swings, grows or gets warm began with the clock and not with the first file that is there.
 pub(super) fn origin_s(runs: &[Run]) -> f64 {
-    let spans_s: Vec<[f64; 2]> =
-        runs.iter().map(|run| [run.start_s, run.start_s + run.duration_s()]).collect();
+    let spans_s = spans_s(runs);
     let first_s = spans_s.iter().map(|[begin_s, _]| *begin_s).fold(f64::INFINITY, f64::min);
     if (0.0..=session_s(&spans_s)).contains(&first_s) { 0.0 } else { first_s }
 }
