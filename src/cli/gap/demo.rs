@@ -14,7 +14,7 @@ use crate::config::Machine;
 use crate::log::Pace;
 use crate::offline::gap::analysis::Request;
 use crate::offline::gap::demo::Hidden;
-use crate::offline::gap::name::NamedEffect;
+use crate::offline::gap::named::NamedEffect;
 use crate::offline::gap::plan::Recordings;
 use crate::offline::gap::runs::Intake;
 use crate::offline::identify::plan;

@@ -8,7 +8,7 @@ use serde::Serialize;
 use crate::offline::gap::consequence::Consequence;
 use crate::offline::gap::fit::Fitted;
 use crate::offline::gap::gates::{Candidate, Gate};
-use crate::offline::gap::name::RunnerUp;
+use crate::offline::gap::named::RunnerUp;
 use crate::offline::gap::problem::shown;
 use crate::offline::gap::runs::Run;
 

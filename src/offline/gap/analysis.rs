@@ -21,7 +21,8 @@ use super::held::{groups, held_groups};
 use super::locate::{self, Located, RunLeft};
 use super::model::Model;
 use super::motions::{busy, part_of};
-use super::name::{self, Named};
+use super::name::name;
+use super::named::Named;
 use super::problem::{AxisData, Problem, SIGNALS};
 use super::repeat::{Repeat, first_pass};
 use super::repeats::repeats;
@@ -205,11 +206,11 @@ fn axis<'m>(
         problem = problem.seeing(found.velocity_estimate);
     }
     let start = Model::new(machine.axes[id].plant);
-    let (mut named, mut weighed) = name::name(&problem, &start, &say);
+    let (mut named, mut weighed) = name(&problem, &start, &say);
     if problem.as_clocked(&named).zeros_are_apart(&start, &named.model.model) {
         say("runs with a zero of the table scale each");
         problem = problem.with_zeros(Zeros::OfEachRun);
-        (named, weighed) = name::name(&problem, &start, &say);
+        (named, weighed) = name(&problem, &start, &say);
     }
     problem = problem.as_clocked(&named);
     let mut gap = gaps(&weighed, &start, &named);

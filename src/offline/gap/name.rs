@@ -19,18 +19,17 @@ use super::gates::{self, Candidate, Gate, PLAIN, tried};
 use super::linear::Linear;
 use super::louder::Louder;
 use super::model::Model;
-use super::near::{Near, ROUGHLY, is_alias, is_with_less, margin, price_of_a_number, weighed};
+use super::named::{Named, NamedEffect, RunnerUp, is_alias};
+use super::near::{Near, ROUGHLY, is_with_less, margin, price_of_a_number, weighed};
 use super::problem::{Part, Problem};
 use super::refit::{
     ITERATIONS, REACH, anew, another_way, base_refitted, coarsely, coarsely_from, ended, is_far, refitted,
     scale,
 };
 use super::shortlist::{Scored, shortlist};
-use super::smallest::Smallest;
 use super::spectrum::Peaks;
 use super::usual;
 use super::without::{Need, Without};
-use crate::plant::effects::{Experiment, entry};
 
 /// Candidates that are fitted together with the base to the first pass of each command. Those that explain this share of
 /// what the best of them explains, and the surest, stay after a few iterations from the better of two starts; in the end those of
@@ -45,84 +44,6 @@ const EFFECTS_MAX: usize = 4;
 /// effects gain a thousandth of what is left.
 const VALLEYS: usize = 2;
 const DEEPER: f64 = 0.998;
-
-/// What an axis lacks.
-#[derive(Debug)]
-pub struct Named {
-    /// By how much the clock of each run had to be set forward, s, where they have none in common.
-    pub clocks_behind_s: Option<Vec<f64>>,
-    /// The base alone.
-    pub base: Fitted,
-    /// Base and all that was named.
-    pub model: Fitted,
-    /// What both cost on the rows that were not fitted.
-    pub(super) blocks: [Blocks; 2],
-    /// What was named, in order, with what could not be told from it.
-    pub effects: Vec<NamedEffect>,
-    /// The best that failed a gate in the last round.
-    pub refused: Vec<Candidate>,
-    /// Beside what was named, what else would have been.
-    pub smallest: Vec<Smallest>,
-    /// Rows of both parts.
-    pub rows: [usize; 2],
-}
-
-impl Named {
-    /// Costs of the base and of all that was named on the rows that were not fitted.
-    pub fn held(&self) -> [f64; 2] {
-        self.blocks.each_ref().map(Blocks::cost)
-    }
-
-    /// Takes back what was named: it passed every gate and explains too little all the same.
-    pub fn withdraw(&mut self) {
-        for effect in self.effects.drain(..) {
-            let best = effect.class.into_iter().next();
-            self.refused.extend(best.map(|(mut candidate, _)| {
-                candidate.failed.push(Gate::Explains);
-                candidate
-            }));
-        }
-        self.model = self.base.clone();
-        self.blocks[1] = self.blocks[0].clone();
-    }
-}
-
-/// An effect that was named.
-#[derive(Debug)]
-pub struct NamedEffect {
-    /// Its name.
-    pub name: &'static str,
-    /// The best first, each with how probable it is among them.
-    pub class: Vec<(Candidate, f64)>,
-    /// The next that is none of them.
-    pub runner_up: Option<RunnerUp>,
-}
-
-/// What came next, and why it is not what was named.
-#[derive(Clone, Debug)]
-pub struct RunnerUp {
-    /// Its name.
-    pub name: &'static str,
-    /// How much less it explains; less than nothing where a gate alone is against it.
-    pub behind: f64,
-    /// The gates it did not pass.
-    pub failed: Vec<Gate>,
-}
-
-impl NamedEffect {
-    /// Names of its class, the best first.
-    pub fn members(&self) -> impl Iterator<Item = &'static str> {
-        self.class.iter().map(|(candidate, _)| candidate.name())
-    }
-
-    /// What an axis must do to tell it from the others of its class; nothing where it is alone, or where no log tells
-    /// them apart.
-    pub fn told_apart_by(&self) -> Option<Experiment> {
-        let mut others = self.members();
-        let open = others.find(|other| *other != self.name && !is_alias(self.name, other))?;
-        Some(entry(open)?.experiment)
-    }
-}
 
 /// Names what an axis lacks; `progress` is told what is being done. With it the runs as they were weighed in the end.
 pub fn name<'m>(
@@ -149,7 +70,7 @@ pub fn name<'m>(
     let (mut valleys, mut has_turned) = (0, false);
     let mut effects: Vec<NamedEffect> = Vec::new();
     let (mut refused, mut smallest) = (Vec::new(), Vec::new());
-    let mut open: Option<(usize, Candidate, Without)> = None;
+    let mut open: Option<(usize, Without)> = None;
     while effects.len() < EFFECTS_MAX {
         progress("looking for what is missing");
         let louder = Louder::for_what_is_left(&problem, &model.model, [start, &coarse.model]);
@@ -262,7 +183,7 @@ pub fn name<'m>(
         let lost = gates::lost_at(&model).or((need == Need::None).then_some(Gate::Needed));
         if let Some(gate) = lost {
             let is_deeper = test.fitted.total < DEEPER * before.total;
-            (model, blocks) = taken_back((&mut effects, &mut refused), best, gate, test);
+            (model, blocks) = taken_back((&mut effects, &mut refused), gate, test);
             // It only led the base out of its valley, where what is missing may not have shown.
             valleys += 1;
             if !is_deeper || valleys > VALLEYS {
@@ -273,7 +194,7 @@ pub fn name<'m>(
             }
         } else if need == Need::OfAnotherSize {
             // What it leaves bends its size: it stays if something explains that.
-            open = Some((effects.len(), best, test));
+            open = Some((effects.len(), test));
         } else if is_far(&model, &before) {
             progress(&format!("{}: how large is it?", best.name()));
             // Rows weigh by where the base alone is straight: beside a large effect others are.
@@ -295,8 +216,8 @@ pub fn name<'m>(
             alone = Blocks::new(&problem, &coarse.model);
         }
     }
-    if let Some((_, last, test)) = open.filter(|(place, ..)| *place == effects.len()) {
-        (model, blocks) = taken_back((&mut effects, &mut refused), last, Gate::Judged, test);
+    if let Some((_, test)) = open.filter(|(place, _)| *place == effects.len()) {
+        (model, blocks) = taken_back((&mut effects, &mut refused), Gate::Judged, test);
     }
     // Backwards: what came first may have stood for what came later.
     let mut place = 0;
@@ -342,13 +263,10 @@ pub fn name<'m>(
 /// A model and its blocks without the effect that was named last, which a gate refused.
 fn taken_back(
     (effects, refused): (&mut Vec<NamedEffect>, &mut Vec<Candidate>),
-    mut last: Candidate,
     gate: Gate,
     test: Without,
 ) -> (Fitted, Blocks) {
-    effects.pop();
-    last.failed.push(gate);
-    refused.push(last);
+    refused.extend(effects.pop().and_then(|last| last.refused_by(gate)));
     (test.fitted, test.blocks)
 }
 

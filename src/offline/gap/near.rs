@@ -7,9 +7,8 @@ use rayon::prelude::*;
 use super::fit::Fitted;
 use super::gates::{Candidate, PLAIN, last_of};
 use super::model::Model;
-use super::name::RunnerUp;
+use super::named::{RunnerUp, is_alias};
 use super::refit::scale;
-use crate::plant::effects::CATALOGUE;
 
 /// Candidates whose evidence is nearer than this, or than this share, cannot be told apart.
 const NEAR: (f64, f64) = (20.0, 0.02);
@@ -33,14 +32,6 @@ pub(super) fn price_of_a_number(cost: f64, rows: usize) -> f64 {
 pub(super) fn is_with_less(model: &Model, other: &Model) -> bool {
     let of_other = other.with_last_as_alike().filter(|less| less.numbers() < other.numbers());
     of_other.is_some_and(|less| last_of(&less) == last_of(model))
-}
-
-/// Whether no data of this kind tell one effect from another.
-pub(super) fn is_alias(name: &str, other: &str) -> bool {
-    CATALOGUE.iter().any(|entry| {
-        (entry.name == name && entry.aliases.contains(&other))
-            || (entry.name == other && entry.aliases.contains(&name))
-    })
 }
 
 /// A class with how probable each member is. Tempered: what is near a tie is to be told as one, and what no data tell from the best is as

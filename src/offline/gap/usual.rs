@@ -17,7 +17,7 @@ use super::fit::{Effort, Fitted, believed, fit};
 use super::gates::{Candidate, Gate, is_sure, judged};
 use super::linear::{BLOCK_S, Linear, Loss, Steps, residuals};
 use super::model::{Model, Tried};
-use super::name::NamedEffect;
+use super::named::NamedEffect;
 use super::near::{margin, weighed};
 use super::problem::{Part, Problem};
 use super::refit::ITERATIONS;

@@ -13,7 +13,7 @@ use super::forward::Signals;
 use super::gates::Candidate;
 use super::linear::BLOCK_S;
 use super::model::Model;
-use super::name::Named;
+use super::named::Named;
 use super::problem::{Part, Problem, SIGNALS, shown};
 use super::rest::Rest;
 use super::twin::{BASE, Base};

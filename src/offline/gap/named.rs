@@ -1,0 +1,97 @@
+//! What was named of an axis, and what it is named from.
+//!
+//! Invariant: the base and the model that are held against each other stand on the same rows.
+
+use super::blocks::Blocks;
+use super::fit::Fitted;
+use super::gates::{Candidate, Gate};
+use super::smallest::Smallest;
+use crate::plant::effects::{CATALOGUE, Experiment, entry};
+
+/// What an axis lacks.
+#[derive(Debug)]
+pub struct Named {
+    /// By how much the clock of each run had to be set forward, s, where they have none in common.
+    pub clocks_behind_s: Option<Vec<f64>>,
+    /// The base alone.
+    pub base: Fitted,
+    /// Base and all that was named.
+    pub model: Fitted,
+    /// What both cost on the rows that were not fitted.
+    pub(super) blocks: [Blocks; 2],
+    /// What was named, in order, with what could not be told from it.
+    pub effects: Vec<NamedEffect>,
+    /// The best that failed a gate in the last round.
+    pub refused: Vec<Candidate>,
+    /// Beside what was named, what else would have been.
+    pub smallest: Vec<Smallest>,
+    /// Rows of both parts.
+    pub rows: [usize; 2],
+}
+
+impl Named {
+    /// Costs of the base and of all that was named on the rows that were not fitted.
+    pub fn held(&self) -> [f64; 2] {
+        self.blocks.each_ref().map(Blocks::cost)
+    }
+
+    /// Takes back what was named: it passed every gate and explains too little all the same.
+    pub fn withdraw(&mut self) {
+        let taken_back = self.effects.drain(..).filter_map(|effect| effect.refused_by(Gate::Explains));
+        self.refused.extend(taken_back);
+        self.model = self.base.clone();
+        self.blocks[1] = self.blocks[0].clone();
+    }
+}
+
+/// An effect that was named.
+#[derive(Debug)]
+pub struct NamedEffect {
+    /// Its name.
+    pub name: &'static str,
+    /// The best first, each with how probable it is among them.
+    pub class: Vec<(Candidate, f64)>,
+    /// The next that is none of them.
+    pub runner_up: Option<RunnerUp>,
+}
+
+/// What came next, and why it is not what was named.
+#[derive(Clone, Debug)]
+pub struct RunnerUp {
+    /// Its name.
+    pub name: &'static str,
+    /// How much less it explains; less than nothing where a gate alone is against it.
+    pub behind: f64,
+    /// The gates it did not pass.
+    pub failed: Vec<Gate>,
+}
+
+impl NamedEffect {
+    /// The best of its class, which a gate refused after all.
+    pub(super) fn refused_by(self, gate: Gate) -> Option<Candidate> {
+        let (mut best, _) = self.class.into_iter().next()?;
+        best.failed.push(gate);
+        Some(best)
+    }
+
+    /// Names of its class, the best first.
+    pub fn members(&self) -> impl Iterator<Item = &'static str> {
+        self.class.iter().map(|(candidate, _)| candidate.name())
+    }
+
+    /// What an axis must do to tell it from the others of its class; nothing where it is alone, or where no log tells
+    /// them apart.
+    pub fn told_apart_by(&self) -> Option<Experiment> {
+        let mut others = self.members();
+        let open = others.find(|other| *other != self.name && !is_alias(self.name, other))?;
+        Some(entry(open)?.experiment)
+    }
+}
+
+/// Whether no data of this kind tell one effect from another.
+pub(super) fn is_alias(name: &str, other: &str) -> bool {
+    CATALOGUE.iter().any(|entry| {
+        (entry.name == name && entry.aliases.contains(&other))
+            || (entry.name == other && entry.aliases.contains(&name))
+    })
+}
