@@ -14,6 +14,7 @@ use rayon::prelude::*;
 
 use super::blocks::Blocks;
 use super::clocks;
+use super::drift::without_drift;
 use super::fit::{Effort, Fitted, believed, fit, total_of};
 use super::gates::{self, Candidate, Gate, PLAIN, tried};
 use super::linear::Linear;
@@ -255,7 +256,7 @@ pub fn name<'m>(
     effects.extend(told.named);
     refused.extend(told.refused);
     smallest.retain(|one| effects.iter().all(|named| named.name != one.name));
-    let [base, model] = usual::without_drift(&problem, &mut effects, [base, told.model]);
+    let [base, model] = without_drift(&problem, &mut effects, [base, told.model]);
     let (blocks, rows) = ([&base, &model].map(|of| Blocks::new(&problem, &of.model)), problem.counts());
     (Named { clocks_behind_s, base, model, blocks, effects, refused, smallest, rows }, problem)
 }

@@ -7,7 +7,7 @@
 //!
 //! Left out they bend the base, and what they leave hides what is small and lends itself to what is not there. So they are
 //! fitted from the beginning, as parameters of the base; named they are in the end, by the gates that every effect has to
-//! pass. What of them is not sure stays with the base, and so does a friction that was found to drift a little and no more.
+//! pass. What of them is not sure stays with the base.
 //! Invariant: in the end effects with a name come first, in the order of their names.
 
 use nalgebra::DMatrix;
@@ -23,13 +23,8 @@ use super::problem::{Part, Problem};
 use super::refit::ITERATIONS;
 use super::without::Without;
 use crate::base::units::{Position, Velocity};
-use crate::plant::effects::{Entry, entry, neutral_with_force_mm, warmed_share};
+use crate::plant::effects::{Entry, entry, neutral_with_force_mm};
 use crate::plant::steady_force;
-
-/// A friction that is still on its way when the runs end, and changes by less until then, and in a second, is an axis that gets warm or
-/// cold as all do.
-const DRIFTS: f64 = 0.03;
-const DRIFTS_PER_S: f64 = 0.02 / 60.0;
 
 /// Names of these effects.
 const USUAL: [&str; 2] = ["viscous-friction", "constant-force"];
@@ -130,36 +125,6 @@ pub(super) fn may_be_named(problem: &Problem<'_>, fitted: &Fitted, usual: usize)
     let free = problem.holding_force(false);
     let model = surely(&free, fitted, usual);
     (0..usual).any(|place| that_may_be_named(problem, &free, &model, place).is_some())
-}
-
-/// A base and a model with what was named first, where what only drifts has no name: it stays with the base.
-pub(super) fn without_drift(
-    problem: &Problem<'_>,
-    named: &mut Vec<NamedEffect>,
-    [base, model]: [Fitted; 2],
-) -> [Fitted; 2] {
-    let end_s = problem.spans_s().into_iter().map(|[_, end_s]| end_s).fold(0.0, f64::max);
-    let (known, all) = (named.len(), model.model.effects.len());
-    let drifts = |place: &usize| {
-        let longest_s = model.effect(*place).get(1).map_or(0.0, |(_, _, [_, longest_s])| *longest_s);
-        is_drift(&model.model.effects[*place], longest_s, end_s)
-    };
-    let (drifting, staying): (Vec<usize>, Vec<usize>) = (0..known).partition(drifts);
-    if drifting.is_empty() {
-        return [base, model];
-    }
-    let mut place = 0..;
-    named.retain(|_| place.next().is_some_and(|place| staying.contains(&place)));
-    let model = model.in_order(&staying.into_iter().chain(known..all).chain(drifting).collect::<Vec<_>>());
-    [if named.is_empty() { model.clone() } else { base }, model]
-}
-
-/// Whether an effect is a friction that changes little, and may go on to after the runs end; `longest_s` is what its time
-/// constant may be.
-fn is_drift(tried: &Tried, longest_s: f64, end_s: f64) -> bool {
-    let is_on_its_way = longest_s > end_s;
-    let is_little = || warmed_share(tried.values, end_s).abs() < DRIFTS.min(DRIFTS_PER_S * end_s);
-    tried.entry.name == "friction-warm-up" && is_on_its_way && is_little()
 }
 
 /// A model with one of these effects last, if that is sure and more of the friction than two laws of it differ by.
@@ -310,30 +275,6 @@ mod tests {
             let found = is_more_than_laws_differ(&with, &alone, Velocity::mm_per_s(33.0));
             assert_eq!(found, is_more, "{name} of {value}");
         }
-    }
-
-    #[test]
-    fn a_friction_that_changes_little_until_the_runs_end_drifts() {
-        let of = |name, drop_percent, time_constant_s| Tried {
-            entry: entry(name).expect("an effect"),
-            values: [drop_percent, time_constant_s, 0.0],
-        };
-        for (drop_percent, times_s, end_s, drifts) in [
-            // By 1.5, 5.4 and 1 % until then.
-            (25.7, [1677.0, 1677.0], 100.0, true),
-            (-25.7, [1677.0, 1677.0], 100.0, true),
-            (90.0, [1600.0, 1600.0], 100.0, false),
-            (1.0, [15.0, 40.0], 100.0, false),
-            // Nothing tells whether it has ended.
-            (-2.0, [65.0, 214.0], 95.0, true),
-            // By 2.4 % within five seconds.
-            (25.0, [50.0, 50.0], 5.0, false),
-        ] {
-            let [time_constant_s, longest_s] = times_s;
-            let found = is_drift(&of("friction-warm-up", drop_percent, time_constant_s), longest_s, end_s);
-            assert_eq!(found, drifts, "{drop_percent} % in {times_s:?} s, of {end_s} s");
-        }
-        assert!(!is_drift(&of("thermal-growth", 25.0, 1677.0), 1677.0, 100.0));
     }
 
     #[test]

@@ -1,0 +1,117 @@
+//! A friction that changes a little while the runs are made, as that of every axis does: it is no effect, and stays with
+//! the base.
+//!
+//! Invariant: what is named beside it is named as before, and the model that is compared with the base has it too.
+
+use super::fit::{Effort, Fitted, fit, total_of};
+use super::model::{Model, Tried};
+use super::named::NamedEffect;
+use super::problem::Problem;
+use crate::plant::effects::{Values, warmed_share};
+
+/// A friction that is still on its way when the runs end, and changes by less until then, and in a second, is an axis that gets warm or
+/// cold as all do.
+const DRIFTS: Little = Little { at_all: 0.03, per_s: 0.02 / 60.0 };
+/// The same where its way seems to end before: a friction that changes steadily explains this share of what it does. The
+/// valley of a time constant is too rough for its interval to say so.
+const DRIFTS_STEADILY: Little = Little { at_all: 0.02, per_s: 0.02 / 100.0 };
+const STEADY: f64 = 0.75;
+/// What changes steadily: its time constant in times of all runs, and its change until they end as a share of that of a
+/// friction which settles.
+const FAR: f64 = 30.0;
+const EVEN: f64 = 0.8;
+
+/// A change of friction that is too little for a name, as shares of it.
+struct Little {
+    at_all: f64,
+    per_s: f64,
+}
+
+impl Little {
+    fn holds(&self, values: Values, end_s: f64) -> bool {
+        warmed_share(values, end_s).abs() < self.at_all.min(self.per_s * end_s)
+    }
+}
+
+/// A base and a model with what was named first, where what only drifts has no name: it stays with the base.
+pub(super) fn without_drift(
+    problem: &Problem<'_>,
+    named: &mut Vec<NamedEffect>,
+    [base, model]: [Fitted; 2],
+) -> [Fitted; 2] {
+    let end_s = problem.spans_s().into_iter().map(|[_, end_s]| end_s).fold(0.0, f64::max);
+    let (known, all) = (named.len(), model.model.effects.len());
+    let drifts = |place: &usize| {
+        let longest_s = model.effect(*place).get(1).map_or(0.0, |(_, _, [_, longest_s])| *longest_s);
+        let explains_as_steady = || explains_as_steady(problem, &model, *place, end_s);
+        is_drift(&model.model.effects[*place], longest_s, end_s, &explains_as_steady)
+    };
+    let (drifting, staying): (Vec<usize>, Vec<usize>) = (0..known).partition(drifts);
+    if drifting.is_empty() {
+        return [base, model];
+    }
+    let mut place = 0..;
+    named.retain(|_| place.next().is_some_and(|place| staying.contains(&place)));
+    let model = model.in_order(&staying.into_iter().chain(known..all).chain(drifting).collect::<Vec<_>>());
+    [if named.is_empty() { model.clone() } else { base }, model]
+}
+
+/// Whether an effect is a friction that changes little, and may go on to after the runs end: `longest_s` is what its time
+/// constant may be, and the last which share it explains where it does not settle.
+fn is_drift(tried: &Tried, longest_s: f64, end_s: f64, explains_as_steady: &dyn Fn() -> f64) -> bool {
+    let is_on_its_way = || longest_s > end_s && DRIFTS.holds(tried.values, end_s);
+    let is_steady = || DRIFTS_STEADILY.holds(tried.values, end_s) && explains_as_steady() > STEADY;
+    tried.entry.name == "friction-warm-up" && (is_on_its_way() || is_steady())
+}
+
+/// Which share of what a friction explains that changes, it explains at least where it changes steadily.
+fn explains_as_steady(problem: &Problem<'_>, model: &Fitted, place: usize, end_s: f64) -> f64 {
+    let time_constant_s = FAR * end_s;
+    let until_then = warmed_share([1.0, time_constant_s, 0.0], end_s);
+    let steadily = |model: &Model, share: f64| {
+        let mut steady = model.clone();
+        let drop = share * warmed_share(model.effects[place].values, end_s) / until_then;
+        steady.effects[place].values = [drop, time_constant_s, 0.0];
+        steady
+    };
+    let fitted = |start: &Model| fit(problem, start, Effort::Fine, None);
+    let steady = fitted(&steadily(&model.model, EVEN));
+    // Where the fit went back to what settles.
+    let steady = total_of(problem, &steadily(&steady.model, 1.0));
+    let without = fitted(&model.model.without(place)).total;
+    (without - steady) / (without - model.total)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plant::effects::entry;
+
+    #[test]
+    fn a_friction_that_changes_little_until_the_runs_end_drifts() {
+        let of = |name, drop_percent, time_constant_s| Tried {
+            entry: entry(name).expect("an effect"),
+            values: [drop_percent, time_constant_s, 0.0],
+        };
+        for (drop_percent, times_s, end_s, steady, drifts) in [
+            // By 1.5, 5.4 and 1 % until then.
+            (25.7, [1677.0, 1677.0], 100.0, 0.0, true),
+            (-25.7, [1677.0, 1677.0], 100.0, 0.0, true),
+            (90.0, [1600.0, 1600.0], 100.0, 0.0, false),
+            (1.0, [15.0, 40.0], 100.0, 0.5, false),
+            // Nothing tells whether it has ended, by its interval and by what explains as much.
+            (-2.0, [65.0, 214.0], 95.0, 0.0, true),
+            (1.6, [46.0, 59.0], 100.0, 0.9, true),
+            // It changes by more.
+            (3.2, [59.0, 90.0], 100.0, 0.9, false),
+            // By 2.4 % within five seconds.
+            (25.0, [50.0, 50.0], 5.0, 0.9, false),
+        ] {
+            let [time_constant_s, longest_s] = times_s;
+            let tried = of("friction-warm-up", drop_percent, time_constant_s);
+            let found = is_drift(&tried, longest_s, end_s, &|| steady);
+            assert_eq!(found, drifts, "{drop_percent} % in {times_s:?} s, of {end_s} s, {steady} if steady");
+        }
+        assert!(!is_drift(&of("thermal-growth", 25.0, 1677.0), 1677.0, 100.0, &|| 1.0));
+    }
+}
