@@ -246,7 +246,12 @@ impl<'a> ClosedAxis<'a> {
 
     /// The period to the next row passes.
     pub fn pass(&mut self) {
-        self.plant.step(self.acting);
+        self.pass_shaken(Current::ZERO);
+    }
+
+    /// The same where the torque is that of so much more current, of which the loops know nothing.
+    pub fn pass_shaken(&mut self, by: Current) {
+        self.plant.step(self.acting + by);
         let state = self.plant.state();
         self.motor.feed(Knot { position: state.motor_position, velocity: state.motor_velocity });
         if let Some(table) = &mut self.table {

@@ -290,7 +290,11 @@ pub fn problem_of<'m>(
     }
     let is_coarser = step_m > COARSER * resolution_m;
     let written_m = if is_coarser { step_m } else { 0.0 };
-    Problem::new(machine, id, gain_set, data, noises).written_in(written_m).hiding(count_m.hypot(table_m))
+    let problem = Problem::new(machine, id, gain_set, data, noises);
+    problem
+        .written_in(written_m)
+        .hiding(count_m.hypot(table_m))
+        .shaken(&Model::new(machine.axes[id].plant), least)
 }
 
 /// How well the loops explain the current, and in which row of each run the position loop acts first; gains that somebody named must
@@ -354,7 +358,7 @@ fn data(
         let held: Vec<bool> =
             counts.iter().enumerate().map(|(row, counts)| *counts && is_held(row)).collect();
         let fit = counts.iter().zip(&held).map(|(counts, held)| *counts && !held).collect();
-        let (loudness, bend) = Default::default();
+        let (loudness, bend, moved) = Default::default();
         let first_pass = first_pass(index, run.len(), repeats).saturating_sub(from).min(rows);
         all.push(AxisData {
             run: index,
@@ -363,6 +367,7 @@ fn data(
             measured: Signals::measured(axis),
             loudness,
             bend,
+            moved,
             fit,
             held,
             first_pass,

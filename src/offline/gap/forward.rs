@@ -155,6 +155,18 @@ impl Course {
 
     /// The run with this plant behind the loops of an axis, whose position loop acts every so many cycles.
     pub fn run(&self, axis: &Axis, every: u32, gain_set: u8, plant: &Parameters) -> Signals {
+        self.run_shaken(axis, every, gain_set, plant, || Current::ZERO)
+    }
+
+    /// The same where the torque is that of so much more current from cycle to cycle.
+    pub fn run_shaken(
+        &self,
+        axis: &Axis,
+        every: u32,
+        gain_set: u8,
+        plant: &Parameters,
+        mut shake: impl FnMut() -> Current,
+    ) -> Signals {
         let every = every as usize;
         let rows = self.setpoints.len() / self.cycles;
         let closed = ClosedAxis::taken_over(axis, gain_set, plant, &self.start);
@@ -174,7 +186,7 @@ impl Course {
                     .extend(logged.table_position.map(|table| (logged.position - table).as_m()));
                 signals.current_a.push(logged.current.as_a());
             }
-            closed.pass();
+            closed.pass_shaken(shake());
         }
         signals
     }

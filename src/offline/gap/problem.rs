@@ -20,8 +20,10 @@ use super::twin::BASE;
 use super::zeros::{Zeros, about_zero, to_zero};
 use crate::base::axis::AxisId;
 use crate::base::time::Span;
+use crate::base::units::Current;
 use crate::config::Machine;
 use crate::config::machine::Axis;
+use crate::plant::Parameters;
 use crate::rt::drive::velocity::VelocityEstimate;
 
 /// The signals of an axis, with their names and units.
@@ -52,6 +54,8 @@ pub struct AxisData {
     pub loudness: [Loudness; SIGNALS.len()],
     /// Power of what a model that is nearly right is off by there, in that of the floor; empty where it is straight.
     pub bend: [Vec<f64>; SIGNALS.len()],
+    /// By how much noise of the torque moves the mean of each signal there; empty where it was not asked.
+    pub moved: [Vec<f64>; SIGNALS.len()],
     /// Rows that models are fitted to.
     pub fit: Vec<bool>,
     /// Rows that no model is fitted to: they judge it.
@@ -118,6 +122,8 @@ pub struct Problem<'m> {
     pub(super) position_step_m: f64,
     /// What encoders do not resolve of the deflection, m, as a standard deviation.
     pub(super) hidden_m: f64,
+    /// How much the torque shakes, rms as a current.
+    pub(super) shakes: Current,
 }
 
 /// What a model leaves of a run, whitened: signal by signal, row by row; zero where a row does not count.
@@ -147,6 +153,7 @@ impl<'m> Problem<'m> {
             zeros,
             position_step_m: 0.0,
             hidden_m: 0.0,
+            shakes: Current::ZERO,
         };
         problem.with_data(Arc::new(data))
     }
@@ -170,6 +177,7 @@ impl<'m> Problem<'m> {
                 measured,
                 loudness: data.loudness.each_ref().map(first),
                 bend: data.bend.each_ref().map(first),
+                moved: data.moved.each_ref().map(first),
                 fit: data.fit[..rows].to_vec(),
                 held: vec![false; rows],
                 first_pass: rows,
@@ -282,17 +290,28 @@ impl<'m> Problem<'m> {
         run.is_sound.iter().enumerate().map(of).collect()
     }
 
-    /// What the model makes of a run.
+    /// What the model makes of a run, in the mean over what the torque shakes.
     pub fn simulated(&self, place: usize, model: &Model) -> Signals {
-        let every = self.machine.cycle.position_every;
         let twin = model.twin();
         let position_zero_m = twin.position_zero_steps * self.position_step_m;
         let table_zero_m = twin.table_zero_m + twin.pushed_apart_m();
-        let mut signals = self.data[place].course.run(&self.axis, every, self.gain_set, &twin.plant);
+        let mut signals = self.shaken_as(place, &twin.plant, || Current::ZERO);
+        self.data[place].add_moved(&mut signals);
         signals.current_a.iter_mut().for_each(|current_a| *current_a *= twin.current_gain);
         signals.deflection_m.iter_mut().for_each(|deflection_m| *deflection_m += table_zero_m);
         signals.following_error_m.iter_mut().for_each(|error_m| *error_m += position_zero_m);
         signals
+    }
+
+    /// What this plant makes of a run where the torque is that of so much more current from cycle to cycle.
+    pub(super) fn shaken_as(
+        &self,
+        place: usize,
+        plant: &Parameters,
+        shake: impl FnMut() -> Current,
+    ) -> Signals {
+        let every = self.machine.cycle.position_every;
+        self.data[place].course.run_shaken(&self.axis, every, self.gain_set, plant, shake)
     }
 
     /// Measured less simulated of the signal of a place in [`SIGNALS`], in its unit.
@@ -336,42 +355,6 @@ impl<'m> Problem<'m> {
             Some(white)
         };
         self.noises.iter().enumerate().filter_map(of).collect()
-    }
-
-    /// Noise of a signal on the rows of a part, rms in its unit: that of usual rows, or where the part is louder as much more. Rows count as
-    /// much as is not left to chance.
-    pub fn floor(&self, signal: usize, part: Part) -> Option<f64> {
-        let noise = self.noises[signal].as_ref()?;
-        let (mut sum, mut weights) = (0.0, 0.0);
-        for (place, data) in self.data.iter().enumerate() {
-            let rows = data.powers(signal).zip(self.told(place, signal)).zip(data.rows(part));
-            for (([power, _], told), _) in rows.filter(|(_, counts)| **counts) {
-                sum += told * power;
-                weights += told;
-            }
-        }
-        let louder = (sum / f64::max(weights, f64::MIN_POSITIVE)).sqrt() / noise.usual;
-        Some(noise.rms * louder.max(1.0))
-    }
-
-    /// What a model leaves of each signal on the rows of a part, rms in its unit, where rows count as much.
-    pub(super) fn rms_left(&self, model: &Model, part: Part) -> [f64; SIGNALS.len()] {
-        let (mut sums, mut weights) = ([0.0; SIGNALS.len()], [0.0; SIGNALS.len()]);
-        for place in self.places(part) {
-            let simulated = self.simulated(place, model);
-            for signal in 0..SIGNALS.len() {
-                let left = self.left(place, &simulated, signal, part);
-                for ((value, told), counts) in
-                    left.iter().zip(self.told(place, signal)).zip(self.data[place].rows(part))
-                {
-                    if *counts {
-                        sums[signal] += told * value * value;
-                        weights[signal] += told;
-                    }
-                }
-            }
-        }
-        std::array::from_fn(|signal| (sums[signal] / f64::max(weights[signal], f64::MIN_POSITIVE)).sqrt())
     }
 
     /// Whether passes of the same command told the noise of all signals.

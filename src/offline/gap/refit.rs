@@ -25,6 +25,9 @@ const TUNED: [f64; 2] = [0.6, -0.6];
 pub(super) const REACH: f64 = 0.1;
 /// A model that leaves so many times as much without an effect needs it.
 pub(super) const PLAINLY: f64 = 1.5;
+/// How often a base is fitted again for what noise does about it, and what of its total is no change.
+const ROUNDS: usize = 3;
+const SETTLED: f64 = 0.01;
 /// What leaves less than this share of what was left is fitted to the bottom.
 const FAR: f64 = 0.95;
 
@@ -148,11 +151,25 @@ pub(super) fn coarsely<'m>(problem: &Problem<'m>, start: &Model) -> (Problem<'m>
     (near, fitted, led)
 }
 
-/// A base fitted coarsely to rows that count by how straight it is about them.
-fn about<'m>(problem: &Problem<'m>, base: &Model) -> (Problem<'m>, Fitted) {
-    let problem = problem.where_straight(base, REACH, 0);
-    let fitted = fit(&problem, base, Effort::Coarse(ITERATIONS[0]), None);
-    (problem, fitted)
+/// The same problem where rows count, and noise moves means, as they do about a model that was fitted to it; nothing where that is how it is.
+pub(super) fn unsettled<'m>(near: &Problem<'m>, fitted: &Fitted) -> Option<Problem<'m>> {
+    let next = near.where_straight(&fitted.model, REACH, 0);
+    let total = total_of(&next, &fitted.model);
+    ((total / fitted.total - 1.0).abs() > SETTLED).then_some(next)
+}
+
+/// A base fitted coarsely to rows that count by how straight it is about them, until noise moves the mean about it as it did about
+/// the one before.
+pub(super) fn about<'m>(problem: &Problem<'m>, base: &Model) -> (Problem<'m>, Fitted) {
+    let coarse = |near: &Problem<'m>, base: &Model| fit(near, base, Effort::Coarse(ITERATIONS[0]), None);
+    let mut near = problem.where_straight(base, REACH, 0);
+    let mut fitted = coarse(&near, base);
+    for _ in 0..ROUNDS {
+        let Some(next) = unsettled(&near, &fitted) else { break };
+        fitted = coarse(&next, &fitted.model);
+        near = next;
+    }
+    (near, fitted)
 }
 
 /// The base by another way from where rows in motion led, if it leaves plainly less: where one leaves so much that something must be

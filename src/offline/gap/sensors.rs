@@ -52,7 +52,7 @@ impl Problem<'_> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use std::collections::BTreeMap;
 
     use super::super::floor::Noise;
@@ -66,12 +66,16 @@ mod tests {
     use crate::config::{self, Machine};
     use crate::plant::effects::entry;
 
-    /// Axis x of a machine on its way there and back, hardly as it would go.
-    fn problem(machine: &Machine) -> Problem<'_> {
-        let (rows, period_s) = (3_000, 5e-4);
-        let place_m = |row: usize| 0.01 * (1.0 - (row as f64 * period_s * 4.0).cos());
+    /// Axis x of a machine that goes where it is told, hardly as it would; noise of each signal is so loud.
+    pub(in super::super) fn problem_of<'m>(
+        machine: &'m Machine,
+        rows: usize,
+        place_m: impl Fn(usize) -> f64,
+        loud: [f64; SIGNALS.len()],
+    ) -> Problem<'m> {
+        let period_s = machine.cycle.period.as_s();
         let axis = AxisRun {
-            setpoint_m: (0..rows).map(place_m).collect(),
+            setpoint_m: (0..rows).map(&place_m).collect(),
             position_m: (0..rows).map(|row| place_m(row.saturating_sub(200))).collect(),
             table_m: Some((0..rows).map(|row| place_m(row.saturating_sub(201))).collect()),
             current_a: (0..rows).map(|row| 8.0 * (row as f64 * period_s * 4.0).sin()).collect(),
@@ -86,6 +90,7 @@ mod tests {
             measured,
             loudness: Default::default(),
             bend: Default::default(),
+            moved: Default::default(),
             fit: (0..rows).map(|row| row >= 800).collect(),
             held: vec![false; rows],
             first_pass: rows,
@@ -104,8 +109,13 @@ mod tests {
                 hidden: 0.0,
             })
         };
-        let noises = [noise(2e-7), noise(1e-7), noise(0.05)];
-        Problem::new(machine, AxisId::X, 0, vec![data], noises).written_in(1e-6)
+        Problem::new(machine, AxisId::X, 0, vec![data], loud.map(noise)).written_in(1e-6)
+    }
+
+    /// There and back.
+    fn problem(machine: &Machine) -> Problem<'_> {
+        let place_m = |row: usize| 0.01 * (1.0 - (row as f64 * 5e-4 * 4.0).cos());
+        problem_of(machine, 3_000, place_m, [2e-7, 1e-7, 0.05])
     }
 
     #[test]

@@ -109,7 +109,8 @@ impl Problem<'_> {
         [Part::Fit, Part::Held].map(|part| self.count(part))
     }
 
-    /// The same where rows count less if a model is not straight about them within a reach, in priors.
+    /// The same where rows count less if a model is not straight about them within a reach, in priors, and where noise moves the mean
+    /// as it does about that model.
     #[must_use]
     pub fn where_straight(&self, model: &Model, reach: f64, seed: u64) -> Self {
         let mut random = Pcg64Mcg::seed_from_u64(seed);
@@ -137,6 +138,11 @@ impl Problem<'_> {
                 }
             }
             let mut data = self.data[place].clone();
+            let moved = self.moved_by_noise(place, model);
+            for (squares, chance) in squares.iter_mut().zip(moved.chance) {
+                squares.iter_mut().zip(chance).for_each(|(sum, chance)| *sum += chance);
+            }
+            data.moved = moved.by;
             data.bend = squares.each_ref().map(|squares| running_mean(squares, about));
             data
         };

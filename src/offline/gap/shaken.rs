@@ -1,0 +1,216 @@
+//! What noise of the torque does to the mean of a run: a table that is held breaks away sooner where its motor shakes, and a
+//! friction that falls is seen over all velocities that it is shaken through. A simulation without noise does neither.
+//!
+//! ```text
+//!   noise of passes ─► how much the torque shakes
+//!   (f(θ, n) + f(θ, -n)) / 2 - f(θ), in the mean over some n ─► added to what a model makes of that run
+//! ```
+//!
+//! `n` is noise with a memory; of what is linear in it nothing is left. Without this, noise was a Stribeck friction of 45 N, or a
+//! backlash of 0.1 um, for any machine that sticks.
+//! Invariant: the same model and run are shaken the same way; a machine whose passes are all alike is not shaken.
+
+use rand::SeedableRng;
+use rand_distr::{Distribution, StandardNormal};
+use rand_pcg::Pcg64Mcg;
+use rayon::prelude::*;
+
+use super::forward::{CURRENT, Signals};
+use super::model::Model;
+use super::problem::{AxisData, Part, Problem, SIGNALS};
+use crate::base::units::Current;
+use crate::plant::Parameters;
+
+/// Pairs of draws.
+const PAIRS: usize = 8;
+/// For how long the torque remembers its noise, s. What moves the mean comes out alike for 10 to 80 ms where it is as loud in the following
+/// error, for it is the loops that let it through.
+const MEMORY_S: f64 = 0.03;
+
+/// By how much noise moves the mean of each signal of a run.
+#[derive(Debug, Default)]
+pub(super) struct Moved {
+    /// In the unit of the signal, row by row.
+    pub(super) by: [Vec<f64>; SIGNALS.len()],
+    /// Power of what chance leaves of that, whitened.
+    pub(super) chance: [Vec<f64>; SIGNALS.len()],
+}
+
+impl Problem<'_> {
+    /// The same with a torque that shakes by as much as passes in motion differ by: by what each signal can be shaken at most, less what its
+    /// sensors do not resolve, as standard deviations. Not at all where nothing tells the noise.
+    #[must_use]
+    pub(super) fn shaken(mut self, model: &Model, unresolved: [f64; SIGNALS.len()]) -> Self {
+        let Some(moving) = self.is_noise_told().then(|| self.in_motion(model)).flatten() else { return self };
+        let Some(noise) = &self.noises[CURRENT] else { return self };
+        let (unit, plant) = (Current::a(noise.rms), model.twin().plant);
+        let of = |place: usize| {
+            let response = moving.response(place, &plant, unit, 0);
+            let of_signal = |signal: usize| {
+                let rows = response[signal].iter().zip(moving.data[place].rows(Part::Fit));
+                rows.filter(|(_, counts)| **counts)
+                    .fold([0.0; 2], |[sum, rows], (by, _)| [sum + by * by, rows + 1.0])
+            };
+            std::array::from_fn::<_, { SIGNALS.len() }, _>(of_signal)
+        };
+        let all: Vec<_> = (0..moving.data.len()).into_par_iter().map(of).collect();
+        let at_most = |signal: usize| {
+            let noise = self.noises[signal].as_ref()?;
+            let [sum, rows] =
+                all.iter().fold([0.0; 2], |[sum, rows], of| [sum + of[signal][0], rows + of[signal][1]]);
+            let seen2 = (noise.rms.powi(2) - unresolved[signal].powi(2)).max(0.0);
+            (sum > 0.0).then(|| (seen2 * rows / sum).sqrt())
+        };
+        let times = (0..SIGNALS.len()).filter_map(at_most).fold(f64::INFINITY, f64::min);
+        self.shakes = if times.is_finite() { unit * times } else { Current::ZERO };
+        self
+    }
+
+    /// By how much the mean of a run is moved for a model.
+    pub(super) fn moved_by_noise(&self, place: usize, model: &Model) -> Moved {
+        if self.shakes == Current::ZERO {
+            return Moved::default();
+        }
+        let plant = model.twin().plant;
+        let here = self.shaken_as(place, &plant, || Current::ZERO);
+        let draws = (0..PAIRS).into_par_iter().map(|draw| {
+            let both = self.both_ways(place, &plant, self.shakes, draw);
+            SIGNALS.map(|(.., pick)| {
+                let [up, down] = both.each_ref().map(pick);
+                let rows = pick(&here).iter().zip(up).zip(down);
+                rows.map(|((here, up), down)| 0.5 * (up + down) - here).collect::<Vec<f64>>()
+            })
+        });
+        let draws: Vec<_> = draws.collect();
+        let mut moved = Moved::default();
+        for (signal, noise) in self.noises.iter().enumerate() {
+            let Some(noise) = noise else { continue };
+            let rows = draws[0][signal].len();
+            let mean: Vec<f64> = (0..rows)
+                .map(|row| draws.iter().map(|draw| draw[signal][row]).sum::<f64>() / PAIRS as f64)
+                .collect();
+            let mut chance = vec![0.0; rows];
+            for draw in &draws {
+                let apart: Vec<f64> = draw[signal].iter().zip(&mean).map(|(by, mean)| by - mean).collect();
+                let of_mean =
+                    noise.whitened(&apart).into_iter().map(|by| by * by / (PAIRS * (PAIRS - 1)) as f64);
+                chance.iter_mut().zip(of_mean).for_each(|(sum, power)| *sum += power);
+            }
+            (moved.by[signal], moved.chance[signal]) = (mean, chance);
+        }
+        moved
+    }
+
+    /// What a run answers to noise of this loudness, to first order.
+    fn response(
+        &self,
+        place: usize,
+        plant: &Parameters,
+        rms: Current,
+        draw: usize,
+    ) -> [Vec<f64>; SIGNALS.len()] {
+        let both = self.both_ways(place, plant, rms, draw);
+        SIGNALS.map(|(.., pick)| {
+            let [up, down] = both.each_ref().map(pick);
+            up.iter().zip(down).map(|(up, down)| 0.5 * (up - down)).collect()
+        })
+    }
+
+    /// A run with noise, and with the same the other way.
+    fn both_ways(&self, place: usize, plant: &Parameters, rms: Current, draw: usize) -> [Signals; 2] {
+        let forgets = self.machine.cycle.period.as_s() / MEMORY_S;
+        let loudness = ((2.0 - forgets) / forgets).sqrt();
+        [loudness, -loudness].map(|loudness| {
+            let mut random = Pcg64Mcg::seed_from_u64((self.data[place].run * PAIRS + draw) as u64);
+            let mut noise = 0.0;
+            self.shaken_as(place, plant, || {
+                let white: f64 = StandardNormal.sample(&mut random);
+                noise += (white - noise) * forgets;
+                rms * (loudness * noise)
+            })
+        })
+    }
+}
+
+impl AxisData {
+    /// Signals that a model makes without noise as they are in the mean.
+    pub(super) fn add_moved(&self, signals: &mut Signals) {
+        let each = [&mut signals.following_error_m, &mut signals.deflection_m, &mut signals.current_a];
+        for (signal, moved) in each.into_iter().zip(&self.moved) {
+            signal.iter_mut().zip(moved).for_each(|(row, by)| *row += by);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::forward::FOLLOWING_ERROR;
+    use super::super::sensors::tests::problem_of;
+    use super::*;
+    use crate::base::axis::AxisId;
+    use crate::base::units::Position;
+    use crate::config;
+
+    /// Draws that no problem makes by itself.
+    const OTHERS: std::ops::Range<usize> = 100..132;
+
+    fn power(of: &[f64]) -> f64 {
+        of.iter().map(|by| by * by).sum()
+    }
+
+    #[test]
+    fn a_torque_shakes_by_what_passes_differ_by() {
+        let machine = config::load("paper").expect("a machine");
+        let place_m = |row: usize| 0.01 * (1.0 - (row as f64 * 5e-4 * 4.0).cos());
+        let model = Model::new(machine.axes[AxisId::X].plant);
+        let shakes = Current::a(0.02);
+        let of = |loud: [f64; SIGNALS.len()]| problem_of(&machine, 12_000, place_m, loud);
+        let probe = of([1.0; SIGNALS.len()]);
+        let moving = probe.in_motion(&model).expect("it moves");
+        let [response, ..] = moving.response(0, &model.twin().plant, shakes, OTHERS.start);
+        let rows = response.iter().zip(&moving.data[0].fit).filter(|(_, counts)| **counts);
+        let (sum, count) = rows.fold((0.0, 0.0), |(sum, count), (by, _)| (sum + by * by, count + 1.0));
+        let seen_m = f64::sqrt(sum / count);
+        let unresolved_m = 2.0 * seen_m;
+        for (loud_m, unresolved_m) in [(seen_m, 0.0), (seen_m.hypot(unresolved_m), unresolved_m)] {
+            // The others may be shaken by more, or by something else.
+            let found = of([loud_m, 1.0, 1.0]).shaken(&model, [unresolved_m, 0.0, 0.0]).shakes.as_a();
+            assert!((found / shakes.as_a() - 1.0).abs() < 0.2, "{found} A of {} A", shakes.as_a());
+        }
+        let mut untold = of([seen_m; SIGNALS.len()]);
+        untold.noises[FOLLOWING_ERROR].as_mut().expect("a noise").is_from_repeats = false;
+        assert_eq!(untold.shaken(&model, [0.0; SIGNALS.len()]).shakes, Current::ZERO);
+    }
+
+    #[test]
+    fn noise_moves_the_mean_of_what_sticks_and_of_nothing_else() {
+        let machine = config::load("paper").expect("a machine");
+        let model = Model::new(machine.axes[AxisId::X].plant);
+        let plant = model.twin().plant;
+        let by_and_answer = |amplitude: Position, rad_per_s: f64| {
+            let place_m = move |row: usize| amplitude.as_m() * (1.0 - (row as f64 * 5e-4 * rad_per_s).cos());
+            let mut problem = problem_of(&machine, 6_000, place_m, [1e-7, 1e-7, 0.05]);
+            problem.shakes = Current::a(0.1);
+            let moved = problem.moved_by_noise(0, &model).by;
+            let answer = problem.response(0, &plant, problem.shakes, 0);
+            // As many other draws, one by one.
+            let still = problem.shaken_as(0, &plant, || Current::ZERO);
+            let all: Vec<[Signals; 2]> =
+                OTHERS.map(|draw| problem.both_ways(0, &plant, problem.shakes, draw)).collect();
+            let mean = |row: usize| {
+                let sum: f64 = all.iter().flatten().map(|one| one.following_error_m[row]).sum();
+                sum / (2 * all.len()) as f64 - still.following_error_m[row]
+            };
+            let others: Vec<f64> = (0..6_000).map(mean).collect();
+            (moved[FOLLOWING_ERROR].clone(), answer[FOLLOWING_ERROR].clone(), others)
+        };
+        let (moved, answer, others) = by_and_answer(Position::um(20.0), 6.0);
+        assert!(power(&moved) > 0.1 * power(&answer), "{} of {}", power(&moved), power(&answer));
+        let apart: Vec<f64> = moved.iter().zip(&others).map(|(one, other)| one - other).collect();
+        assert!(power(&apart) < 0.3 * power(&others), "{} of {}", power(&apart), power(&others));
+        // From the first row on it slides.
+        let (moved, answer, _) = by_and_answer(Position::mm(10.0), 1.0);
+        let (moved, answer) = (&moved[1_000..5_000], &answer[1_000..5_000]);
+        assert!(power(moved) < 1e-4 * power(answer), "{} of {}", power(moved), power(answer));
+    }
+}
