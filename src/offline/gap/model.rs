@@ -13,6 +13,8 @@ use crate::plant::effects::{Entry, Parameter, VALUES_MAX, Values, entry};
 
 /// Values so near to a bound are at it, as a share of what is between both.
 const AT_BOUND: f64 = 1e-4;
+/// How friction falls, as [`BASE`] names it.
+const FALL: [&str; 3] = ["breakaway_excess", "fall_end", "fall_start"];
 /// More priors than this a base goes only to make up for something.
 const GONE_FAR: f64 = 3.0;
 /// A swing is one of once a turn where its period is so near to the lead, as a share.
@@ -72,6 +74,18 @@ impl Model {
     pub fn without(&self, place: usize) -> Self {
         let mut model = self.clone();
         model.effects.remove(place);
+        model
+    }
+
+    /// The same where friction falls as the file says.
+    #[must_use]
+    pub(super) fn falling_as_filed(&self) -> Self {
+        let mut model = self.clone();
+        for (base, at) in BASE.iter().zip(&mut model.base) {
+            if FALL.contains(&base.name) {
+                *at = 0.0;
+            }
+        }
         model
     }
 

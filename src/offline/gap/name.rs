@@ -24,8 +24,8 @@ use super::named::{Named, NamedEffect, RunnerUp, is_alias};
 use super::near::{Near, ROUGHLY, is_with_less, margin, price_of_a_number, weighed};
 use super::problem::{Part, Problem};
 use super::refit::{
-    ITERATIONS, REACH, anew, another_way, base_refitted, coarsely, coarsely_from, ended, is_far, refitted,
-    scale,
+    ITERATIONS, about, anew, another_way, base_refitted, coarsely, coarsely_from, ended, is_far, refitted,
+    scale, unsettled,
 };
 use super::shortlist::{Scored, shortlist};
 use super::spectrum::Peaks;
@@ -45,6 +45,8 @@ const EFFECTS_MAX: usize = 4;
 /// effects gain a thousandth of what is left.
 const VALLEYS: usize = 2;
 const DEEPER: f64 = 0.998;
+/// An effect of whose gain the base makes so much by itself, once it has been led out of its valley, is asked for again from there.
+const OF_BASE: f64 = 0.4;
 
 /// Names what an axis lacks; `progress` is told what is being done. With it the runs as they were weighed in the end.
 pub fn name<'m>(
@@ -177,29 +179,45 @@ pub fn name<'m>(
         effects.push(NamedEffect { name: best.name(), class, runner_up });
         // On its way to the effect the base may have left a valley in which the fit without it was held up: what is
         // gained is what is lost again without it, from here.
-        let (test, need) = Without::of_last(&problem, &once, (&model, &blocks), [start, &coarse.model]);
-        if effects.len() == 1 {
-            base = Some(test.fitted.clone());
-        }
-        let lost = gates::lost_at(&model).or((need == Need::None).then_some(Gate::Needed));
-        if let Some(gate) = lost {
-            let is_deeper = test.fitted.total < DEEPER * before.total;
+        let mut put_to_the_test = |model: &Fitted, blocks: &Blocks, named: usize| {
+            let (test, need) = Without::of_last(&problem, &once, (model, blocks), [start, &coarse.model]);
+            if named == 1 {
+                base = Some(test.fitted.clone());
+            }
+            let lost = gates::lost_at(model).or((need == Need::None).then_some(Gate::Needed));
+            (test, need, lost)
+        };
+        let (test, need, lost) = put_to_the_test(&model, &blocks, effects.len());
+        let [gained, of_base] = [&model, &test.fitted].map(|fitted| before.total - fitted.total);
+        let is_deeper = test.fitted.total < DEEPER * before.total;
+        let is_of_base = is_first && is_deeper && of_base > OF_BASE * gained && valleys < VALLEYS;
+        if let Some(gate) = lost.or(is_of_base.then_some(Gate::Needed)) {
             (model, blocks) = taken_back((&mut effects, &mut refused), gate, test);
-            // It only led the base out of its valley, where what is missing may not have shown.
+            // It only led the base out of its valley: what came before may have been the next best way out of it, and
+            // what is missing may not have shown in it.
+            while is_deeper && !effects.is_empty() {
+                let (test, _, lost) = put_to_the_test(&model, &blocks, effects.len());
+                let Some(gate) = lost else { break };
+                (model, blocks) = taken_back((&mut effects, &mut refused), gate, test);
+            }
             valleys += 1;
             if !is_deeper || valleys > VALLEYS {
                 break;
             }
             if effects.is_empty() {
+                // About another base noise moves the mean in another way.
+                (problem, coarse) = about(&problem, &model.model);
+                (once, model, base) = (problem.first_passes(), coarse.clone(), None);
+                blocks = Blocks::new(&problem, &model.model);
                 alone = blocks.clone();
             }
         } else if need == Need::OfAnotherSize {
             // What it leaves bends its size: it stays if something explains that.
             open = Some((effects.len(), test));
-        } else if is_far(&model, &before) {
+        } else if let Some(about) = unsettled(&problem, &model) {
             progress(&format!("{}: how large is it?", best.name()));
-            // Rows weigh by where the base alone is straight: beside a large effect others are.
-            problem = problem.where_straight(&model.model, REACH, 0);
+            // Rows weigh by where the base alone is straight, and noise moves means about it: beside an effect they do otherwise.
+            problem = about;
             once = problem.first_passes();
             model = if is_first {
                 refitted(&problem, &once, &model.model, start)

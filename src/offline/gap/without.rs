@@ -18,6 +18,9 @@ use super::refit::{PLAINLY, base_refitted, ended, refitted, scale};
 /// same.
 const ROUGH: f64 = 3.0;
 
+/// The effect that is a fall of friction, as the base has one.
+const FALLS: &str = "stribeck";
+
 /// What is noise with an effect, and so many times as much without it, needs it however rough its valleys are.
 const ALL: f64 = 1.25;
 
@@ -49,9 +52,15 @@ impl Without {
     ) -> Self {
         let without = model.model.without(place);
         let (fitted, rough) = if without.effects.len() == alone.effects.len() {
-            base_refitted(problem, once, [&without, alone], model.total, |base, apart| {
-                is_rough(base, model, apart, problem.count(Part::Fit))
-            })
+            let rows = problem.count(Part::Fit);
+            let matters = |base: &Fitted, apart: f64| is_rough(base, model, apart, rows);
+            let found = base_refitted(problem, once, [&without, alone], model.total, matters);
+            if model.model.effects[place].entry.name == FALLS {
+                // What it had of the fall, the base has lost.
+                deeper(found, fit(problem, &without.falling_as_filed(), Effort::Fine, None))
+            } else {
+                found
+            }
         } else {
             let near = fit(problem, &ended(once, &without), Effort::Coarse(0), None);
             let is_plain = near.total > PLAINLY * model.total;
@@ -120,6 +129,12 @@ impl Without {
         }
         if judged::is_another(&judged) { Need::OfAnotherSize } else { Need::Shown }
     }
+}
+
+/// The deeper of two ends, and by how much they differ at least.
+fn deeper((found, apart): (Fitted, f64), other: Fitted) -> (Fitted, f64) {
+    let apart = apart.max((found.total - other.total).abs());
+    (if other.total < found.total { other } else { found }, apart)
 }
 
 /// Whether ends of a base differ by so much that another of its valleys may do what a model does that leaves noise of these rows, or
