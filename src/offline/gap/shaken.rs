@@ -26,6 +26,8 @@ const PAIRS: usize = 8;
 /// For how long the torque remembers its noise, s. What moves the mean comes out alike for 10 to 80 ms where it is as loud in the following
 /// error, for it is the loops that let it through.
 const MEMORY_S: f64 = 0.03;
+/// A torque that shakes by less than this share of the friction moves nothing.
+const LEAST: f64 = 2e-3;
 
 /// By how much noise moves the mean of each signal of a run.
 #[derive(Debug, Default)]
@@ -62,7 +64,9 @@ impl Problem<'_> {
             (sum > 0.0).then(|| (seen2 * rows / sum).sqrt())
         };
         let times = (0..SIGNALS.len()).filter_map(at_most).fold(f64::INFINITY, f64::min);
-        self.shakes = if times.is_finite() { unit * times } else { Current::ZERO };
+        let friction = plant.actuator.current(plant.mechanics.torque_for_force(plant.friction.sliding));
+        let is_felt = times.is_finite() && times * unit.as_a() > LEAST * friction.as_a();
+        self.shakes = if is_felt { unit * times } else { Current::ZERO };
         self
     }
 
