@@ -10,6 +10,7 @@ mod lines;
 mod loops;
 mod nearby;
 mod passes;
+mod shaken;
 mod usual;
 mod zeros;
 

@@ -212,7 +212,7 @@ fn axis<'m>(
         problem = problem.with_zeros(Zeros::OfEachRun);
         (named, weighed) = name(&problem, &start, &say);
     }
-    problem = problem.as_clocked(&named);
+    problem = problem.as_clocked(&named).with_means_about(&named.model.model);
     let mut gap = gaps(&weighed, &start, &named);
     let shape = shape(&problem, &named);
     let is_little = || {

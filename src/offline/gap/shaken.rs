@@ -10,6 +10,8 @@
 //! backlash of 0.1 um, for any machine that sticks.
 //! Invariant: the same model and run are shaken the same way; a machine whose passes are all alike is not shaken.
 
+use std::sync::Arc;
+
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Mcg;
@@ -68,6 +70,16 @@ impl Problem<'_> {
         let is_felt = times.is_finite() && times * unit.as_a() > LEAST * friction.as_a();
         self.shakes = if is_felt { unit * times } else { Current::ZERO };
         self
+    }
+
+    /// The same where noise moves means as it does about a model.
+    #[must_use]
+    pub fn with_means_about(&self, model: &Model) -> Self {
+        let of = |(place, data): (usize, &AxisData)| AxisData {
+            moved: self.moved_by_noise(place, model).by,
+            ..data.clone()
+        };
+        self.with_data(Arc::new(self.data.iter().enumerate().map(of).collect()))
     }
 
     /// By how much the mean of a run is moved for a model.
