@@ -11,7 +11,7 @@
 //! [`limits`] that these go beyond are lifted; `sparse` fills in what the loops were given where a log has not every cycle; [`floor`] finds the noise, a `process`, in
 //! [`repeats`], of each of which [`mod@repeat`] says what comes again, as the `laps` of a run do, and `counts` what no encoder resolves, of which `counted` tells what the loops answer; [`forward`] runs the machine file from the command alone and [`controller`] its loops alone; [`fit`] fits a
 //! [`model`] in closed loop to a [`problem`], by its derivatives ([`linear`]), first where the axis is `moving` and then where the model
-//! is `straight`; [`clocks`] are set where files have none in common; [`locate`] tells where the gap lives;
+//! is `straight`, with what noise does to means where its torque is `shaken`; `levels` say how loud a signal is; [`clocks`] are set where files have none in common; [`locate`] tells where the gap lives;
 //! [`shortlist`], which holds `trials` against what is left, of phases `turned` by thirds, and knows what is the [`smallest`] to be seen, and [`mod@name`] find the effects, [`named`] as they are, which have to pass the [`gates`] and to be needed (`without`), and name last what
 //! nearly every axis has (`usual`) but for a `drift`; `foretold`, `bursts` and, of all axes together, [`behind`] tell whether a [`rest`] is left that is something real, and [`verdict`] says it in a word; [`contour`] and [`consequence`] show what it does to circles, and what would
 //! falsify it; `circles` are found in the setpoints; [`write_back`] adds them to the machine file. [`demo`] is a machine to show it on.
