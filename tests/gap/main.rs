@@ -25,7 +25,7 @@ use quadrant::config::edit::MachineFile;
 use quadrant::config::{self, Machine};
 use quadrant::offline::gap::analysis::{Analysis, GapError, Request, analyse, problem_of};
 use quadrant::offline::gap::fit::{Effort, fit};
-use quadrant::offline::gap::forward::Course;
+use quadrant::offline::gap::forward::{Course, Signals};
 use quadrant::offline::gap::judged;
 use quadrant::offline::gap::model::{Model, Tried};
 use quadrant::offline::gap::problem::{Part, Problem};
@@ -61,24 +61,28 @@ fn circle(
         let turns = row as f64 / ROWS_PER_S / lap_s;
         1e-3 * radius_mm * (TAU * turns).sin() * (5.0 * turns).min(1.0)
     };
-    let setpoint_m: Vec<f64> = (0..rows).map(place).collect();
+    let mut run = commanded(name, rows, place);
+    let mut random = Pcg64Mcg::seed_from_u64(seed);
+    let axis = recorded(machine, &run, (AxisId::X, plant), phase, &mut random);
+    run.axes.insert(AxisId::X, axis);
+    run
+}
+
+/// A run in which axis x is told where to be, row by row, and nothing was measured yet.
+fn commanded(name: &str, rows: usize, place_m: impl Fn(usize) -> f64) -> Run {
     let blank = AxisRun {
+        setpoint_m: (0..rows).map(place_m).collect(),
         position_m: vec![0.0; rows],
         table_m: Some(vec![0.0; rows]),
         current_a: vec![0.0; rows],
-        setpoint_m,
     };
-    let mut run = Run {
+    Run {
         name: name.to_owned(),
         start_s: 0.0,
         period_s: 1.0 / ROWS_PER_S,
         axes: BTreeMap::from([(AxisId::X, blank)]),
         is_sound: vec![true; rows],
-    };
-    let mut random = Pcg64Mcg::seed_from_u64(seed);
-    let axis = recorded(machine, &run, (AxisId::X, plant), phase, &mut random);
-    run.axes.insert(AxisId::X, axis);
-    run
+    }
 }
 
 /// What an axis with this plant does where a run has its setpoints.
@@ -91,14 +95,18 @@ fn recorded(
 ) -> AxisRun {
     let course = Course::new(run, machine, id, phase, 0.0).expect("an axis");
     let made = course.run(&machine.axes[id], machine.cycle.position_every, 0, plant);
+    logged(&run.axes[&id].setpoint_m, &made, random)
+}
+
+/// What was made of setpoints, with noise of the current.
+fn logged(setpoint_m: &[f64], made: &Signals, random: &mut Pcg64Mcg) -> AxisRun {
     let noise = Normal::new(0.0, NOISE_A).expect("a width");
-    let setpoint_m = run.axes[&id].setpoint_m.clone();
     let position_m: Vec<f64> = setpoint_m.iter().zip(&made.following_error_m).map(|(s, e)| s - e).collect();
     AxisRun {
         table_m: Some(position_m.iter().zip(&made.deflection_m).map(|(p, d)| p - d).collect()),
         position_m,
         current_a: made.current_a.iter().map(|current| current + noise.sample(random)).collect(),
-        setpoint_m,
+        setpoint_m: setpoint_m.to_vec(),
     }
 }
 

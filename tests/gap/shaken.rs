@@ -9,19 +9,7 @@ const MEMORY_S: f64 = 0.02;
 /// A run of axis x with a torque that shakes.
 fn shaken(machine: &Machine, name: &str, seconds: f64, place_m: impl Fn(f64) -> f64, seed: u64) -> Run {
     let rows = (seconds * ROWS_PER_S) as usize;
-    let blank = AxisRun {
-        setpoint_m: (0..rows).map(|row| place_m(row as f64 / ROWS_PER_S)).collect(),
-        position_m: vec![0.0; rows],
-        table_m: Some(vec![0.0; rows]),
-        current_a: vec![0.0; rows],
-    };
-    let mut run = Run {
-        name: name.to_owned(),
-        start_s: 0.0,
-        period_s: 1.0 / ROWS_PER_S,
-        axes: BTreeMap::from([(AxisId::X, blank)]),
-        is_sound: vec![true; rows],
-    };
+    let mut run = commanded(name, rows, |row| place_m(row as f64 / ROWS_PER_S));
     let axis = &machine.axes[AxisId::X];
     let friction =
         axis.plant.actuator.current(axis.plant.mechanics.torque_for_force(axis.plant.friction.sliding));
@@ -35,18 +23,7 @@ fn shaken(machine: &Machine, name: &str, seconds: f64, place_m: impl Fn(f64) -> 
         at += (noise.sample(&mut random) - at) * forgets;
         friction * (loudness * at)
     });
-    let setpoint_m = run.axes[&AxisId::X].setpoint_m.clone();
-    let position_m: Vec<f64> = setpoint_m.iter().zip(&made.following_error_m).map(|(s, e)| s - e).collect();
-    let recorded = AxisRun {
-        table_m: Some(position_m.iter().zip(&made.deflection_m).map(|(p, d)| p - d).collect()),
-        position_m,
-        current_a: made
-            .current_a
-            .iter()
-            .map(|current| *current + NOISE_A * noise.sample(&mut random))
-            .collect(),
-        setpoint_m,
-    };
+    let recorded = logged(&run.axes[&AxisId::X].setpoint_m, &made, &mut random);
     run.axes.insert(AxisId::X, recorded);
     run
 }
