@@ -65,9 +65,7 @@ pub fn name<'m>(
     if let Some(behind_s) = &clocks_behind_s {
         problem = problem.with_clocks(behind_s);
     }
-    let mut once = problem.first_passes();
-    let (mut model, mut blocks) = (coarse.clone(), Blocks::new(&problem, &coarse.model));
-    let mut alone = blocks.clone();
+    let (mut once, mut model, [mut alone, mut blocks]) = begun(&problem, &coarse);
     // The base at its bottom, which is known where a name was put to the test.
     let mut base: Option<Fitted> = None;
     let (mut valleys, mut has_turned) = (0, false);
@@ -124,9 +122,7 @@ pub fn name<'m>(
             has_turned = true;
             let Some(other) = another_way(as_it_is, start, &coarse.model) else { break };
             (problem, coarse) = other;
-            once = problem.first_passes();
-            (model, blocks) = (coarse.clone(), Blocks::new(&problem, &coarse.model));
-            alone = blocks.clone();
+            (once, model, [alone, blocks]) = begun(&problem, &coarse);
             continue;
         };
         let (best_name, margin) = (best.name(), margin(best.evidence));
@@ -207,9 +203,8 @@ pub fn name<'m>(
             if effects.is_empty() {
                 // About another base noise moves the mean in another way.
                 (problem, coarse) = about(&problem, &model.model);
-                (once, model, base) = (problem.first_passes(), coarse.clone(), None);
-                blocks = Blocks::new(&problem, &model.model);
-                alone = blocks.clone();
+                (once, model, [alone, blocks]) = begun(&problem, &coarse);
+                base = None;
             }
         } else if need == Need::OfAnotherSize {
             // What it leaves bends its size: it stays if something explains that.
@@ -277,6 +272,12 @@ pub fn name<'m>(
     let [base, model] = without_drift(&problem, &mut effects, [base, told.model]);
     let (blocks, rows) = ([&base, &model].map(|of| Blocks::new(&problem, &of.model)), problem.counts());
     (Named { clocks_behind_s, base, model, blocks, effects, refused, smallest, rows }, problem)
+}
+
+/// What a search begins with at a base: each command once, the base as the model, and the blocks of both.
+fn begun<'m>(problem: &Problem<'m>, coarse: &Fitted) -> (Problem<'m>, Fitted, [Blocks; 2]) {
+    let blocks = Blocks::new(problem, &coarse.model);
+    (problem.first_passes(), coarse.clone(), [blocks.clone(), blocks])
 }
 
 /// A model and its blocks without the effect that was named last, which a gate refused.

@@ -22,7 +22,7 @@ const SAME: f64 = 1.02;
 /// the other, and each frequency has a valley of its own.
 const TUNED: [f64; 2] = [0.6, -0.6];
 /// Within how many priors a model must be straight for what is named and judged.
-pub(super) const REACH: f64 = 0.1;
+const REACH: f64 = 0.1;
 /// A model that leaves so many times as much without an effect needs it.
 pub(super) const PLAINLY: f64 = 1.5;
 /// How often a base is fitted again for what noise does about it, and what of its total is no change.

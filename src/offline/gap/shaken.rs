@@ -20,6 +20,7 @@ use rayon::prelude::*;
 use super::forward::{CURRENT, Signals};
 use super::model::Model;
 use super::problem::{AxisData, Part, Problem, SIGNALS};
+use super::straight::bend;
 use crate::base::units::Current;
 use crate::plant::Parameters;
 
@@ -91,11 +92,7 @@ impl Problem<'_> {
         let here = self.shaken_as(place, &plant, || Current::ZERO);
         let draws = (0..PAIRS).into_par_iter().map(|draw| {
             let both = self.both_ways(place, &plant, self.shakes, draw);
-            SIGNALS.map(|(.., pick)| {
-                let [up, down] = both.each_ref().map(pick);
-                let rows = pick(&here).iter().zip(up).zip(down);
-                rows.map(|((here, up), down)| 0.5 * (up + down) - here).collect::<Vec<f64>>()
-            })
+            SIGNALS.map(|(.., pick)| bend(&here, &both, pick))
         });
         let draws: Vec<_> = draws.collect();
         let mut moved = Moved::default();

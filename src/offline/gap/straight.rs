@@ -204,7 +204,8 @@ fn scale([noise, bend]: [f64; 2], near: usize) -> f64 {
     (weight([noise, bend], near) / (noise + bend)).sqrt()
 }
 
-fn bend(here: &Signals, sides: &[Signals; 2], pick: Pick) -> Vec<f64> {
+/// What the mean of both sides differs by from the middle, row by row of a signal.
+pub(super) fn bend(here: &Signals, sides: &[Signals; 2], pick: Pick) -> Vec<f64> {
     let [up, down] = sides.each_ref().map(pick);
     pick(here).iter().zip(up).zip(down).map(|((here, up), down)| 0.5 * (up + down) - here).collect()
 }
