@@ -120,7 +120,7 @@ pub fn name<'m>(
             }
             progress("fitting the base model by another way");
             has_turned = true;
-            let Some(other) = another_way(as_it_is, start, &coarse.model) else { break };
+            let Some(other) = another_way(as_it_is, start, (&problem, &coarse)) else { break };
             (problem, coarse) = other;
             (once, model, [alone, blocks]) = begun(&problem, &coarse);
             continue;

@@ -145,10 +145,22 @@ pub(super) fn coarsely<'m>(problem: &Problem<'m>, start: &Model) -> (Problem<'m>
     if is_little || is_much_left(&near, &first.model) {
         return (near, first, led);
     }
-    let other = by_way(&once, &led, 1);
-    let is_deeper = total_of(problem, &other) < total_of(problem, &first.model);
-    let (near, fitted) = if is_deeper { about(problem, &other) } else { (near, first) };
+    let other = about(problem, &nearer(&once, &led, 1));
+    let is_deeper = leaves_less((&other.0, &other.1), (&near, &first), 1.0);
+    let (near, fitted) = if is_deeper { other } else { (near, first) };
     (near, fitted, led)
+}
+
+/// Whether a base leaves less than this share of another, by rows as they count, and with means as noise moves them, about each of them:
+/// without that, a base that breaks away as easily as noise makes it would be the deeper one.
+fn leaves_less(
+    (near, base): (&Problem<'_>, &Fitted),
+    (other_near, other): (&Problem<'_>, &Fitted),
+    share: f64,
+) -> bool {
+    let of_base = base.total + total_of(other_near, &base.model);
+    let of_other = other.total + total_of(near, &other.model);
+    of_base < share * of_other
 }
 
 /// The same problem where rows count, and noise moves means, as they do about a model that was fitted to it; nothing where that is how it is.
@@ -177,12 +189,11 @@ pub(super) fn about<'m>(problem: &Problem<'m>, base: &Model) -> (Problem<'m>, Fi
 pub(super) fn another_way<'m>(
     problem: &Problem<'m>,
     led: &Model,
-    base: &Model,
+    base: (&Problem<'m>, &Fitted),
 ) -> Option<(Problem<'m>, Fitted)> {
     let problem = &beside_motion(problem, led);
-    let other = by_way(&problem.first_passes(), led, 1);
-    let [other_total, total] = [&other, base].map(|model| total_of(problem, model));
-    (other_total < FAR * total).then(|| about(problem, &other))
+    let other = about(problem, &nearer(&problem.first_passes(), led, 1));
+    leaves_less((&other.0, &other.1), base, FAR).then_some(other)
 }
 
 /// The effects of a model fitted to the bottom beside the base of the file, as that was without them; with the problem in which rows count by
@@ -216,7 +227,13 @@ pub(super) fn scale(cost: f64, rows: usize) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
+    use super::super::sensors::tests::problem_of;
     use super::*;
+    use crate::base::axis::AxisId;
+    use crate::base::units::Current;
+    use crate::config;
     use crate::plant::tests::paper_axis;
 
     #[test]
@@ -229,5 +246,27 @@ mod tests {
         };
         let [higher, lower] = TUNED.map(|by| natural(-by) / natural(0.0));
         assert!(higher > 1.1 && (higher * lower - 1.0).abs() < 1e-9, "{higher}, {lower}");
+    }
+
+    #[test]
+    fn a_base_that_breaks_away_as_easily_as_noise_makes_it_is_not_the_deeper_one() {
+        let machine = config::load("paper").expect("a machine");
+        let place_m = |row: usize| 2e-5 * (1.0 - (row as f64 * 5e-4 * 6.0).cos());
+        let mut problem = problem_of(&machine, 6_000, place_m, [1e-7, 1e-7, 0.05]);
+        problem.shakes = Current::a(0.1);
+        let truth = Model::new(machine.axes[AxisId::X].plant);
+        let mut data = problem.data[0].clone();
+        data.measured = problem.with_means_about(&truth).simulated(0, &truth);
+        let problem = problem.with_data(Arc::new(vec![data]));
+        let easy = ended(&problem, &truth);
+        let total = |model: &Model| total_of(&problem, model);
+        assert!(total(&easy) < 0.7 * total(&truth), "{} of {}", total(&easy), total(&truth));
+        let [truth, easy] = [truth, easy].map(|base| {
+            let near = problem.where_straight(&base, REACH, 0);
+            let fitted = fit(&near, &base, Effort::Coarse(0), None);
+            (near, fitted)
+        });
+        let [truth, easy] = [&truth, &easy].map(|(near, fitted)| (near, fitted));
+        assert!(leaves_less(truth, easy, 1.0) && !leaves_less(easy, truth, 1.0));
     }
 }
