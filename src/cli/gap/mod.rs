@@ -4,6 +4,7 @@
 mod circles;
 mod demo;
 mod effect;
+mod left;
 mod plan;
 mod printed;
 mod record;

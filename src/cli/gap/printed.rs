@@ -8,13 +8,14 @@ use serde::Serialize;
 
 use super::circles::Circle;
 use super::effect::{Effect, Falsified, Next, once, short};
+use super::left::Left;
+use crate::base::units::Current;
 use crate::cli::view::table;
 use crate::config::Machine;
 use crate::offline::gap::analysis::{Analysis, AxisGap};
 use crate::offline::gap::gates::Gate;
 use crate::offline::gap::locate::unit;
 use crate::offline::gap::problem::SIGNALS;
-use crate::offline::gap::rest::{Rest, Shows};
 use crate::offline::gap::runs::Run;
 use crate::offline::gap::smallest::Smallest;
 use crate::offline::gap::verdict::{SignalGap, Verdict, excess_of_all};
@@ -71,53 +72,6 @@ struct Gap {
     heldout_closed_fraction: f64,
 }
 
-/// Something real that is left without a name, and how it shows.
-#[derive(Debug, Default, Serialize)]
-struct Left {
-    /// Which shows it.
-    signal: Option<&'static str>,
-    /// Over which it comes again.
-    coordinate: Option<String>,
-    /// At which it sounds.
-    frequency_hz: Option<f64>,
-    /// After how much way it comes again.
-    period_mm: Option<f64>,
-    /// In how many runs it pushes at moments of its own, of how many.
-    pushed_runs: Option<[usize; 2]>,
-    /// In how many runs single readings jump, of how many.
-    jumping_runs: Option<[usize; 2]>,
-    /// How many times as much as noise every run leaves, per row.
-    times_noise: Option<f64>,
-    /// Without which base parameter it would show, and how many times what the file says that is.
-    strained: Option<BTreeMap<&'static str, f64>>,
-    /// By how much all axes are behind their commands at once, at most; ahead if it is less than zero.
-    behind_us: Option<f64>,
-    #[serde(skip)]
-    sentence: String,
-}
-
-impl Left {
-    fn new(rest: &Rest) -> Self {
-        let mut left = Self { sentence: rest.to_string(), ..Self::default() };
-        match *rest {
-            Rest::Strained { parameter, ratio } => left.strained = Some([(parameter, ratio)].into()),
-            Rest::Behind { by_s, .. } => left.behind_us = Some(1e6 * by_s),
-            Rest::In { signal, shows } => {
-                left.signal = Some(SIGNALS[signal].0);
-                match shows {
-                    Shows::Over(over) => left.coordinate = Some(over.to_string()),
-                    Shows::Tone(tone_hz) => left.frequency_hz = Some(tone_hz),
-                    Shows::Period(period_mm) => left.period_mm = Some(period_mm),
-                    Shows::Everywhere(times) => left.times_noise = Some(times),
-                    Shows::Bursts(runs) => left.pushed_runs = Some(runs),
-                    Shows::Jumps(runs) => left.jumping_runs = Some(runs),
-                }
-            }
-        }
-        left
-    }
-}
-
 #[derive(Debug, Serialize)]
 struct Axis {
     verdict: Verdict,
@@ -140,6 +94,8 @@ struct Axis {
     is_floor_from_repeats: BTreeMap<&'static str, bool>,
     /// Whether all runs have one zero of the table scale, or each its own; nothing where there is no scale.
     table_zeros: Option<Zeros>,
+    /// By how much the torque shakes from pass to pass, rms as a current: where the axis sticks, that moves means.
+    torque_noise_a: Option<f64>,
 }
 
 #[derive(Debug, Serialize)]
@@ -257,6 +213,7 @@ impl Printed {
                     .filter_map(|((signal, ..), noise)| Some((*signal, noise.as_ref()?.is_from_repeats)))
                     .collect(),
                 table_zeros: axis.problem.has_table().then(|| axis.problem.zeros()),
+                torque_noise_a: axis.problem.torque_noise().map(Current::as_a),
             };
             (name(axis), printed)
         });
@@ -317,6 +274,13 @@ impl Printed {
                 table.add_row(cells.into_iter().chain(values.map(|value| format!("{value:.4}"))));
             }
             let _ = writeln!(text, "{table}");
+            if let Some(noise_a) = axis.torque_noise_a {
+                let _ = writeln!(
+                    text,
+                    "  its torque shakes by {} A rms: simulated, as that moves means",
+                    short(noise_a)
+                );
+            }
             if let (Verdict::Unknown, Some(most)) = (axis.verdict, axis.most_left()) {
                 let RunLeft { run, signal, after, .. } = most;
                 let _ = writeln!(

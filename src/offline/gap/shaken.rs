@@ -73,6 +73,11 @@ impl Problem<'_> {
         self
     }
 
+    /// By how much passes show the torque to shake, rms as a current; nothing where it is at rest or nothing tells.
+    pub fn torque_noise(&self) -> Option<Current> {
+        (self.shakes > Current::ZERO).then_some(self.shakes)
+    }
+
     /// The same where noise moves means as it does about a model.
     #[must_use]
     pub fn with_means_about(&self, model: &Model) -> Self {

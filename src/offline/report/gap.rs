@@ -71,6 +71,10 @@ fn page(machine: &Machine, analysis: &Analysis<'_>, rows: &[NamedRow]) -> String
             h2 { "Axis " (names[axis.id.index()]) ": " (axis.verdict) }
             @if let Some(rest) = &axis.rest { p { "Something real is left without a name: " (rest) "." } }
             (PreEscaped(shrunk(axis)))
+            @if let Some(noise) = axis.problem.torque_noise() {
+                p { "From pass to pass its torque shakes by " (format!("{:.3}", noise.as_a()))
+                    " A rms. Where the axis sticks that moves the mean, and what is simulated with it." }
+            }
             @for svg in drawn(axis, &names[axis.id.index()]) { figure { (PreEscaped(svg)) } }
             (PreEscaped(seen(axis)))
         }
