@@ -283,7 +283,8 @@ fn in_step(hz: f64, runs: &[(f64, &Vec<Vec<f64>>)], period_s: f64, session_s: f6
 
 /// Lines of a spectrum with so much between them that stand out within a range, and how many times the median about them they are.
 pub(super) fn tops(power: &[f64], step: f64, range: [f64; 2]) -> Vec<(f64, f64)> {
-    let last = power.len() - 2;
+    // The first and the last are no tops.
+    let Some(last) = power.len().checked_sub(2).filter(|last| *last > 0) else { return Vec::new() };
     let [low, high] = range.map(|frequency| ((frequency / step) as usize).clamp(1, last));
     (low..=high)
         .filter(|line| power[*line] > power[line - 1] && power[*line] >= power[line + 1])
