@@ -171,9 +171,20 @@ pub fn analyse<'m>(
             })? as u8,
             None => by_the_current(&explained),
         };
+    let phases: Vec<usize> = (0..runs.len())
+        .map(|run| phase_of(explained.iter().map(|of_axis| of_axis[run].as_slice()), gain_set))
+        .collect();
     let of_all = |runs: &[Run]| -> Result<Vec<AxisGap<'m>>, GapError> {
         let of = |(id, matches): (&AxisId, &Vec<Vec<Match>>)| {
-            axis(machine, runs, &repeats, *id, (gain_set, request.gains.is_some(), matches), progress)
+            axis(
+                machine,
+                runs,
+                &repeats,
+                *id,
+                (gain_set, request.gains.is_some(), matches),
+                &phases,
+                progress,
+            )
         };
         ids.iter().zip(&explained).map(of).collect()
     };
@@ -196,12 +207,13 @@ fn axis<'m>(
     repeats: &[Repeat],
     id: AxisId,
     (gain_set, is_named, matches): (u8, bool, &[Vec<Match>]),
+    phases: &[usize],
     progress: &(dyn Fn(&str) + Sync),
 ) -> Result<AxisGap<'m>, GapError> {
     let axis_name = machine.axis_names()[id.index()].clone();
     let say = |what: &str| progress(&format!("axis {axis_name}: {what}"));
-    let (controller, phases) = loops(machine, matches, (gain_set, is_named), &axis_name)?;
-    let mut problem = problem_of(machine, runs, repeats, id, gain_set, &phases);
+    let controller = loops(machine, matches, (gain_set, is_named), &axis_name)?;
+    let mut problem = problem_of(machine, runs, repeats, id, gain_set, phases);
     if let Some(found) = &controller {
         problem = problem.seeing(found.velocity_estimate);
     }
@@ -297,16 +309,14 @@ pub fn problem_of<'m>(
         .shaken(&Model::new(machine.axes[id].plant), least)
 }
 
-/// How well the loops explain the current, and in which row of each run the position loop acts first; gains that somebody named must
-/// be those of the data.
+/// How well the loops explain the current; gains that somebody named must be those of the data.
 fn loops(
     machine: &Machine,
     all: &[Vec<Match>],
     (gain_set, is_named): (u8, bool),
     axis: &str,
-) -> Result<(Option<Match>, Vec<usize>), GapError> {
+) -> Result<Option<Match>, GapError> {
     let own = |matches: &[Match]| matches.iter().find(|found| found.gain_set == gain_set).copied();
-    let phases = all.iter().map(|matches| phase_of(matches, gain_set)).collect();
     let left = left_of(all, gain_set);
     for other in (0..machine.gain_sets.len() as u8).filter(|other| is_named && *other != gain_set) {
         let other_left = left_of(all, other);
@@ -321,7 +331,7 @@ fn loops(
         }
     }
     let first = all.iter().find_map(|matches| own(matches));
-    Ok((first.map(|found| Match { left_share: left, ..found }), phases))
+    Ok(first.map(|found| Match { left_share: left, ..found }))
 }
 
 /// The runs of an axis, with the rows that judge.

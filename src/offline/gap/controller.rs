@@ -3,7 +3,7 @@
 //!
 //! Invariant: a difference here is no matter of friction or mechanics.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::ops::Range;
 
 use rayon::prelude::*;
@@ -233,10 +233,19 @@ pub(super) fn left_of(all: &[Vec<Match>], set: u8) -> f64 {
     all.iter().filter_map(of).sum::<f64>() / count
 }
 
-/// In which row of a run the position loop of a gain set acts first.
-pub(super) fn phase_of(matches: &[Match], set: u8) -> usize {
-    let own = matches.iter().filter(|found| found.gain_set == set);
-    own.min_by(|a, b| a.steps_share.total_cmp(&b.steps_share)).map_or(0, |found| found.phase)
+/// In which row of a run the position loop of a gain set acts first, by all axes together: their loops act in the same row. Steps tell it
+/// whatever a gain makes of the rest, but hardly from steps that come later; so all of the current has a say where the loops explain it.
+pub(super) fn phase_of<'a>(axes: impl Iterator<Item = &'a [Match]>, set: u8) -> usize {
+    let mut left: BTreeMap<usize, f64> = BTreeMap::new();
+    for matches in axes {
+        let own = || matches.iter().filter(|found| found.gain_set == set);
+        let is_explained = own().any(|found| found.left_share < WELL);
+        for found in own() {
+            let all = if is_explained { found.left_share } else { 1.0 };
+            *left.entry(found.phase).or_default() += (all * found.steps_share).max(f64::MIN_POSITIVE).ln();
+        }
+    }
+    left.into_iter().min_by(|(_, a), (_, b)| a.total_cmp(b)).map_or(0, |(phase, _)| phase)
 }
 
 /// What all gain sets and phases leave, the least first. Delays and lags that are not known must not pass for another phase: each
@@ -277,7 +286,6 @@ fn matches(machine: &Machine, id: AxisId, run: &Run, velocity_estimate: Velocity
 
 #[cfg(test)]
 mod tests {
-    use std::collections::BTreeMap;
     use std::f64::consts::TAU;
 
     use rand::SeedableRng;
@@ -346,6 +354,28 @@ mod tests {
         axis.position_m = axis.setpoint_m.iter().zip(&made.following_error_m).map(|(s, e)| s - e).collect();
         axis.current_a = made.current_a.iter().map(|current_a| noisy_a(*current_a)).collect();
         let all = matches(&machine, id, &run, machine.axes[id].velocity_estimate);
-        assert_eq!(phase_of(&all, 0), PHASE, "{all:?}");
+        assert_eq!(phase_of([all.as_slice()].into_iter(), 0), PHASE, "{all:?}");
+    }
+
+    #[test]
+    fn steps_that_come_later_are_told_by_the_rest_of_the_current_and_by_the_other_axis() {
+        let found = |phase: usize, left_share: f64, steps_share: f64| Match {
+            gain_set: 0,
+            velocity_estimate: VelocityEstimate::SecondOrder,
+            phase,
+            late: 0,
+            left_share,
+            steps_share,
+        };
+        // Of moves that a loop explains: steps in another row that come three later are the same.
+        let explained = [found(1, 0.038, 0.0216), found(0, 0.0235, 0.0217), found(3, 0.026, 0.0228)];
+        // Of an axis whose gain is off nothing but the steps is told, and they hardly.
+        let off = [found(1, 5.1, 0.0216), found(0, 5.9, 0.0217), found(3, 5.7, 0.0228)];
+        assert_eq!(phase_of([explained.as_slice()].into_iter(), 0), 0);
+        assert_eq!(phase_of([off.as_slice()].into_iter(), 0), 1);
+        assert_eq!(phase_of([off.as_slice(), explained.as_slice()].into_iter(), 0), 0);
+        let plain = [found(1, 5.1, 0.0316), found(0, 5.9, 0.0217)];
+        assert_eq!(phase_of([plain.as_slice()].into_iter(), 0), 0);
+        assert_eq!(phase_of(std::iter::empty(), 0), 0);
     }
 }
