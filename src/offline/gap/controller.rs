@@ -27,7 +27,7 @@ const LATE_MAX: usize = 8;
 const LAGS: [f64; 7] = [0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 5.0];
 
 /// Loops that leave less of the current than this are those of the file; others must leave this share of what they leave.
-const WELL: f64 = 0.1;
+pub(super) const WELL: f64 = 0.1;
 pub(super) const OTHER: f64 = 0.5;
 
 /// Rows on either side beside which a step of the position loop shows, in its periods.
