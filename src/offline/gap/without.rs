@@ -120,7 +120,7 @@ impl Without {
         let judged = LazyCell::new(|| judged::alone(problem, model, &amplitudes));
         // Linear about the model with it, no other valley has a say.
         let is_foretold = || {
-            held_fall > 0.0
+            held_fall > -HELD_FALL
                 && !blocks.is_surely_worse_than(&self.blocks)
                 && does_not_speak_against(&judged)
                 && crossed::foretold(problem, model, &amplitudes, &[]).is_some()
