@@ -49,7 +49,7 @@ fn from_both(problem: &Problem<'_>, once: &Problem<'_>, model: &Model, start: &M
     if is_same {
         return here;
     }
-    let there = by_way(once, &led, 0);
+    let there = ended(once, &nearer(once, &led, 0));
     deepest([here, there].map(|end| (total_of(problem, &end), end))).1
 }
 
@@ -65,12 +65,7 @@ fn led_by_motion(once: &Problem<'_>, begun: &[Model]) -> Model {
     deepest(with_totals(&moving, ends)).1
 }
 
-/// Where a way from a model ends.
-fn by_way(once: &Problem<'_>, begun: &Model, number: usize) -> Model {
-    ended(once, &nearer(once, begun, number))
-}
-
-/// The same before rows count whether or not a model is straight about them.
+/// Where a way from a model ends, before rows count whether or not it is straight about them.
 fn nearer(once: &Problem<'_>, begun: &Model, number: usize) -> Model {
     let nearer =
         |model: Model, reach: &f64| ended(&once.where_straight(&model, *reach, number as u64), &model);
