@@ -6,7 +6,9 @@ use super::super::friction::Law;
 use super::super::held_beside;
 use super::super::params::Parameters;
 use super::catalogue::{Effects, Entry, Values};
-use super::hooks::{Action, Bristles, Crossing, Force, Friction, Instant, Memory, Neighbour, Pace, Reading};
+use super::hooks::{
+    Action, BRISTLES, Bristles, Crossing, Force, Friction, Instant, Memory, Neighbour, Pace, Reading,
+};
 use crate::base::units::{Force as Newtons, Position, Velocity};
 
 /// Forces of an axis that remember something.
@@ -19,8 +21,8 @@ const WINDINGS: usize = 90;
 pub(in crate::plant) struct Remembered {
     /// Since the start, s.
     pub(in crate::plant) time_s: f64,
-    /// Force of the bristles on the table, N, against its way.
-    pub(super) bristles_n: f64,
+    /// Forces of the bristles on the table, N, against its way.
+    pub(super) bristles_n: [f64; BRISTLES],
     /// Force of the next axis on the table, N.
     pub(super) pushed_n: f64,
     pub(super) forces: [Memory; MEMORIES_MAX],
@@ -29,7 +31,7 @@ pub(in crate::plant) struct Remembered {
 impl Remembered {
     /// Of an axis at rest.
     pub(in crate::plant) const REST: Self =
-        Self { time_s: 0.0, bristles_n: 0.0, pushed_n: 0.0, forces: [[0.0; 3]; MEMORIES_MAX] };
+        Self { time_s: 0.0, bristles_n: [0.0; BRISTLES], pushed_n: 0.0, forces: [[0.0; 3]; MEMORIES_MAX] };
 }
 
 /// A force and the number of its memory, if it has one.
@@ -131,7 +133,7 @@ impl Acting {
 
     /// What is remembered in steady sliding, at a friction.
     pub(in crate::plant) fn remembered(&self, velocity_m_per_s: f64, friction_n: f64) -> Remembered {
-        let mut all = Remembered { bristles_n: friction_n, ..Remembered::REST };
+        let mut all = Remembered { bristles_n: self.bristles_holding(friction_n), ..Remembered::REST };
         for forced in &self.forces {
             if let (Some(number), Some(memory)) = (forced.memory, forced.force.memory(velocity_m_per_s)) {
                 all.forces[number] = memory;
@@ -152,7 +154,11 @@ impl Acting {
     pub(in crate::plant) fn remembered_at_rest(&self, force_n: f64, place: Position) -> Remembered {
         let all = self.remembered(0.0, 0.0);
         let at = steady(Velocity::ZERO, place, Newtons::n(force_n));
-        Remembered { bristles_n: force_n + self.on_table_n(&at, &all), ..all }
+        Remembered { bristles_n: self.bristles_holding(force_n + self.on_table_n(&at, &all)), ..all }
+    }
+
+    fn bristles_holding(&self, force_n: f64) -> [f64; BRISTLES] {
+        self.bristles.map_or([0.0; BRISTLES], |bristles| bristles.holding(force_n))
     }
 
     /// How far the screw of an axis at rest is deflected by a force, m, beyond the flank that touches.

@@ -366,12 +366,14 @@ impl Effects {
         self.present().map(of).sum()
     }
 
-    /// The same with other values of one effect.
+    /// The same with other values of one effect, without what that is in the place of.
     #[must_use]
     pub(in crate::plant) fn with(mut self, entry: &Entry, values: Values) -> Self {
         for (own, kept) in CATALOGUE.iter().zip(&mut self.values) {
             if own.name == entry.name {
                 *kept = values;
+            } else if entry.is_present(&values) && entry.is_in_the_place_of(own) {
+                *kept = [0.0; VALUES_MAX];
             }
         }
         self

@@ -127,10 +127,15 @@ pub struct Neighbour {
     pub force: Newtons,
 }
 
+/// Most bristles between a table and its guide.
+pub(in crate::plant) const BRISTLES: usize = 8;
+
 /// Bristles between table and guide: friction that is a spring until they slip.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::plant) struct Bristles {
-    pub(in crate::plant) stiffness_n_per_m: f64,
+    pub(in crate::plant) stiffnesses_n_per_m: [f64; BRISTLES],
+    /// How many there are: one bends until it slips, of many each slips at once.
+    pub(in crate::plant) count: usize,
     /// How fast their force changes while they bend.
     pub(in crate::plant) pace: Pace,
 }

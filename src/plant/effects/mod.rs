@@ -63,6 +63,7 @@ pub const CATALOGUE: &[Entry] = &[
     quadratic_drag::ENTRY,
     stribeck::ENTRY,
     presliding::ENTRY,
+    presliding::WITH_MEMORY,
     direction_asymmetry::ENTRY,
     constant_force::ENTRY,
     spring_load::ENTRY,

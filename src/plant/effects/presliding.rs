@@ -2,42 +2,133 @@
 //!
 //! ```text
 //!   df/dx = σ (1 - f sign(dx) / F(v)),   σ = F_low / x_b
+//!   f = Σ_j f_j,   df_j = k_j dx held within ±F(v) / N,   k_j = F_low / (N x_b (j / N)^p),   j = 1 … N
 //! ```
 //!
-//! Dahl's model with the sliding force of Eq. (1) as its end, `x_b` the way over which it is reached; for a
-//! sliding force held over a step the equation is solved in closed form. The table then never sticks: what holds
-//! it is the force of the bristles. Valid for single reversals; of ways back and forth within the band it knows
-//! the force but not the turning points before the last.
+//! The first is Dahl's model with the sliding force of Eq. (1) as its end, `x_b` the way over which it is reached; for a
+//! sliding force held over a step the equation is solved in closed form. Valid for single reversals; of ways back and forth within the
+//! band it knows the force but not the turning points before the last. The second is a bank of Maxwell slip elements (Lampaert, Swevers
+//! and Al-Bender 2003), of which the last slips after `x_b`: it closes each loop where that began. The table then never sticks: what holds
+//! it is the force of the bristles.
 //! Invariant: passive, what the bristles give back they were given.
 
 use std::f64::consts::TAU;
 
 use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
-use super::hooks::{Action, Bristles, Pace};
+use super::hooks::{Action, BRISTLES, Bristles, Pace};
+
+const WAY: Parameter = Parameter::new("way-um", "um", [0.1, 200.0], 10.0, 10.0);
 
 pub(super) const ENTRY: Entry = Entry {
     name: "presliding",
     summary: "a table that moves by micrometres before it slides",
     equation: "df/dx = σ (1 - f sign(dx) / F(v)), σ = F_low / x_b",
-    parameters: &[Parameter::new("way-um", "um", [0.1, 200.0], 10.0, 10.0)],
+    parameters: &[WAY],
     coordinate: Coordinate::WaySinceReversal,
     experiment: Experiment::SmallReversals,
     aliases: &[],
     law_of: None,
     action: Action::Bristles(|values, axis| {
-        let stiffness_n_per_m = axis.friction.sliding.as_n() / (1e-6 * values[0]);
-        let frequency_hz = (stiffness_n_per_m / axis.mechanics.mass_kg).sqrt() / TAU;
-        Bristles { stiffness_n_per_m, pace: Pace::of_swing(frequency_hz) }
+        let mut stiffnesses_n_per_m = [0.0; BRISTLES];
+        stiffnesses_n_per_m[0] = axis.friction.sliding.as_n() / (1e-6 * values[0]);
+        let frequency_hz = (stiffnesses_n_per_m[0] / axis.mechanics.mass_kg).sqrt() / TAU;
+        Bristles { stiffnesses_n_per_m, count: 1, pace: Pace::of_swing(frequency_hz) }
     }),
 };
 
-impl Bristles {
-    /// Their force after a way, N, where `sliding_n` is that of sliding.
-    pub(super) fn moved(&self, force_n: f64, sliding_n: f64, way_m: f64) -> f64 {
-        if sliding_n <= 0.0 {
-            return 0.0;
+pub(super) const WITH_MEMORY: Entry = Entry {
+    name: "presliding-with-memory",
+    summary: "a table that moves by micrometres before it slides, and remembers where it turned back",
+    equation: "f = Σ_j f_j, df_j = k_j dx within ±F(v) / N, k_j = F_low / (N x_b (j / N)^p)",
+    parameters: &[WAY, Parameter::new("exponent", "", [0.5, 4.0], 1.5, 0.5)],
+    law_of: Some("presliding"),
+    action: Action::Bristles(|values, axis| {
+        let [way_um, exponent, _] = *values;
+        let (share_n, count) = (axis.friction.sliding.as_n() / BRISTLES as f64, BRISTLES as f64);
+        let stiffness_n_per_m = |place: usize| {
+            let share = (place + 1) as f64 / count;
+            share_n / (1e-6 * way_um * libm::pow(share, exponent))
+        };
+        // What slips at once falls as fast as the law does.
+        Bristles {
+            stiffnesses_n_per_m: std::array::from_fn(stiffness_n_per_m),
+            count: BRISTLES,
+            pace: Pace::Fast,
         }
-        let end_n = sliding_n.copysign(way_m);
-        end_n - (end_n - force_n) * libm::exp(-self.stiffness_n_per_m * way_m.abs() / sliding_n)
+    }),
+    ..ENTRY
+};
+
+impl Entry {
+    /// Whether an axis has it or that other one: they are laws of the same bristles.
+    pub fn is_in_the_place_of(&self, other: &Self) -> bool {
+        let are_bristles = |entry: &Self| matches!(entry.action, Action::Bristles(_));
+        self.name != other.name && are_bristles(self) && are_bristles(other)
+    }
+}
+
+impl Bristles {
+    /// Whether each slips at once, as the law of friction has it then.
+    pub(super) const fn slip_at_once(&self) -> bool {
+        self.count > 1
+    }
+
+    /// The forces of so many as hold a table together.
+    pub(super) fn holding(&self, force_n: f64) -> [f64; BRISTLES] {
+        std::array::from_fn(|place| if place < self.count { force_n / self.count as f64 } else { 0.0 })
+    }
+
+    /// Their forces after a way, N, where `sliding_n` is that of sliding.
+    pub(super) fn moved(&self, mut forces_n: [f64; BRISTLES], sliding_n: f64, way_m: f64) -> [f64; BRISTLES] {
+        if sliding_n <= 0.0 {
+            return [0.0; BRISTLES];
+        }
+        if !self.slip_at_once() {
+            let end_n = sliding_n.copysign(way_m);
+            let bend = libm::exp(-self.stiffnesses_n_per_m[0] * way_m.abs() / sliding_n);
+            forces_n[0] = end_n - (end_n - forces_n[0]) * bend;
+            return forces_n;
+        }
+        let most_n = sliding_n / self.count as f64;
+        for (force_n, stiffness_n_per_m) in forces_n.iter_mut().zip(&self.stiffnesses_n_per_m) {
+            *force_n = (*force_n + stiffness_n_per_m * way_m).clamp(-most_n, most_n);
+        }
+        forces_n
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plant::tests::paper_axis;
+
+    /// Force after ways from where all slipped backwards, as a share of that of sliding.
+    fn after(entry: &Entry, ways_um: &[f64]) -> f64 {
+        let (axis, values) = (paper_axis(), [10.0, 1.5, 0.0]);
+        let Action::Bristles(make) = entry.action else { panic!("{} are no bristles", entry.name) };
+        let (bristles, sliding_n) = (make(&values, &axis), axis.friction.sliding.as_n());
+        let moved = |forces_n, way_um: &f64| bristles.moved(forces_n, sliding_n, 1e-6 * way_um);
+        ways_um.iter().fold(bristles.holding(-sliding_n), moved).iter().sum::<f64>() / sliding_n
+    }
+
+    #[test]
+    fn a_bank_slips_after_its_way_there_and_twice_its_way_back() {
+        for (ways_um, end, is_there) in [
+            (&[19.9][..], 1.0, false),
+            (&[20.1], 1.0, true),
+            (&[30.0, -19.9], -1.0, false),
+            (&[30.0, -20.1], -1.0, true),
+        ] {
+            let found = after(&WITH_MEMORY, ways_um);
+            assert_eq!((found - end).abs() < 1e-12, is_there, "{found} after {ways_um:?} um");
+        }
+    }
+
+    #[test]
+    fn a_small_loop_is_closed_by_a_bank_and_by_no_single_bristle() {
+        let (way, there_and_back): (&[f64], &[f64]) = (&[6.0], &[6.0, -3.0, 3.0]);
+        let apart = |entry| (after(entry, there_and_back) - after(entry, way)).abs();
+        assert!(apart(&WITH_MEMORY) < 1e-12, "{}", apart(&WITH_MEMORY));
+        assert!(apart(&ENTRY) > 0.02, "{}", apart(&ENTRY));
     }
 }

@@ -148,7 +148,7 @@ impl Acting {
 
     fn loads(&self, body: &Body, maps: &StepMaps, at: &Instant, all: &Remembered) -> Loads {
         let friction_n = match self.bristles {
-            Some(_) => all.bristles_n,
+            Some(_) => all.bristles_n.iter().sum(),
             None => self.friction_n(body.law.magnitude_n(at.speed_m_per_s), at) * at.side,
         };
         let mut loads = Loads { motor_n: 0.0, table_n: friction_n - all.pushed_n - self.push_n };
@@ -172,7 +172,8 @@ impl Acting {
         }
         if let Some(bristles) = &self.bristles {
             let side = (to.table_m - from.table_m).signum();
-            let speed_m_per_s = 0.5 * (from.table_m_per_s + to.table_m_per_s).abs();
+            let before_m_per_s = if bristles.slip_at_once() { to.table_m_per_s } else { from.table_m_per_s };
+            let speed_m_per_s = 0.5 * (before_m_per_s + to.table_m_per_s).abs();
             let rubbing = Instant { speed_m_per_s, side, ..*to };
             let sliding_n = self.friction_n(body.law.magnitude_n(speed_m_per_s), &rubbing);
             all.bristles_n = bristles.moved(all.bristles_n, sliding_n, to.table_m - from.table_m);
@@ -214,7 +215,8 @@ impl Stepping for Acting {
             // They hold the table and do not let it stick: nothing happens within a step that they do not tell.
             Some(bristles) => {
                 let sliding_n = body.law.magnitude_n(body.table_speed()) * body.slide;
-                let are_slipping = (body.remembered.bristles_n - sliding_n).abs() <= BENT * sliding_n.abs();
+                let bristles_n: f64 = body.remembered.bristles_n.iter().sum();
+                let are_slipping = (bristles_n - sliding_n).abs() <= BENT * sliding_n.abs();
                 if body.is_running() && are_slipping { self.pace } else { bristles.pace.max(self.pace) }
             }
         }
@@ -231,8 +233,11 @@ impl Stepping for Acting {
                 });
             let breakaway_n = |at: &Instant| self.friction_n(body.law.breakaway().as_n(), at);
             holds(breakaway_n(&start.1).min(breakaway_n(&end.1)), start.0, end.0)
-        } else if self.bristles.is_some() {
-            end[2] * body.slide > 0.0
+        } else if let Some(bristles) = &self.bristles {
+            let end_m_per_s = end[2] * body.slide;
+            let does_not_fall =
+                !bristles.slip_at_once() || !body.is_running() || body.law.has_fallen_at(end_m_per_s);
+            end_m_per_s > 0.0 && does_not_fall
         } else {
             body.law.has_fallen_at(end[2] * body.slide)
         };
