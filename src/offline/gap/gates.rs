@@ -89,10 +89,9 @@ impl Candidate {
 
     /// Whether it is at a bound beyond which it is that other one.
     pub fn is_on_its_way_to(&self, other: &Self) -> bool {
-        let beyond = self.fitted.model.with_last_as_alike();
         let is_other =
-            |model: &Model| model.effects.last().is_some_and(|tried| tried.entry.effect() == other.name());
-        self.failed.contains(&Gate::Bounds) && beyond.as_ref().is_some_and(is_other)
+            |model: Model| model.effects.last().is_some_and(|tried| tried.entry.effect() == other.name());
+        self.failed.contains(&Gate::Bounds) && self.fitted.model.with_last_as_alike().any(is_other)
     }
 
     /// Whether it shows that something is missing, and not what: it explains it with values that no such effect has, or
@@ -209,12 +208,13 @@ pub(super) fn tried(
         let goes_on = is_at_bound || is_far(&own, without);
         // Where that one is promising by itself, it began from where this one went already.
         let is_tried = |other: &Model| promising.iter().any(|one| last_of(one) == last_of(other));
-        let other =
-            own.model.with_last_as_alike().filter(|other| goes_on && (is_at_bound || !is_tried(other)));
-        let other = other.map(|model| fit(problem, &model, Effort::Coarse(ITERATIONS[1]), None));
-        let is_worth_it = |other: &Fitted| is_at_bound || other.total < own.total;
-        let other = other.map(|other| if is_worth_it(&other) { grown(other) } else { other });
-        std::iter::once(own).chain(other)
+        let is_asked = |other: &Model| goes_on && (is_at_bound || !is_tried(other));
+        let of_alike = |model: Model| {
+            let other = fit(problem, &model, Effort::Coarse(ITERATIONS[1]), None);
+            if is_at_bound || other.total < own.total { grown(other) } else { other }
+        };
+        let others: Vec<Fitted> = own.model.with_last_as_alike().filter(is_asked).map(of_alike).collect();
+        std::iter::once(own).chain(others)
     };
     let mut all: Vec<Fitted> = promising.par_iter().flat_map_iter(both).collect();
     all.sort_by(|a, b| a.total.total_cmp(&b.total));

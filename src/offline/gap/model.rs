@@ -21,9 +21,15 @@ const GONE_FAR: f64 = 3.0;
 const ONCE_A_TURN: f64 = 3e-3;
 /// An effect, another that changes much the same, and the values of that one.
 type Alike = (&'static str, &'static str, fn(&Values) -> Values);
-const ALIKE: [Alike; 7] = [
+const ALIKE: [Alike; 11] = [
     ("actuator-delay", "current-loop-lag", |values| [values[0], 0.0, 0.0]),
+    // Short beside the lag of the loop itself, a filter before it is nearer to a delay than a loop that is slower.
+    ("actuator-delay", "current-loop-lag-filter", |values| [values[0], 0.0, 0.0]),
     ("current-loop-lag", "actuator-delay", |values| [values[0], 0.0, 0.0]),
+    ("current-loop-lag-filter", "actuator-delay", |values| [values[0], 0.0, 0.0]),
+    // Half of what holds it is there after the same way.
+    ("presliding", "presliding-with-memory", |values| [(4.0 * values[0]).min(200.0), 1.5, 0.0]),
+    ("presliding-with-memory", "presliding", |values| [(values[0] / 4.0).max(0.1), 0.0, 0.0]),
     // A zone that is all soft is play, from one of its ends to the other.
     ("soft-zone", "backlash", |values| [2e-2 * values[0] * values[1], 0.0, 0.0]),
     // As much play, in a zone as soft as usual.
@@ -98,12 +104,18 @@ impl Model {
         model
     }
 
-    /// The same with the effect that is like its last one in that one's place, as large; nothing where none is.
-    pub fn with_last_as_alike(&self) -> Option<Self> {
-        let last = self.effects.last()?;
-        let (_, other, values) = ALIKE.iter().find(|(name, ..)| *name == last.entry.name)?;
-        let tried = Tried { entry: entry(other)?, values: values(&last.values) };
-        Some(self.without(self.effects.len() - 1).with(tried))
+    /// The same with each effect that is like its last one in that one's place, as large.
+    pub fn with_last_as_alike(&self) -> impl Iterator<Item = Self> {
+        let alike = |last: &Tried| {
+            let (of, values) = (last.entry.name, last.values);
+            let alike = ALIKE.iter().filter(move |(name, ..)| *name == of);
+            alike.filter_map(move |(_, other, to)| Some(Tried { entry: entry(other)?, values: to(&values) }))
+        };
+        self.effects
+            .last()
+            .into_iter()
+            .flat_map(alike)
+            .map(|tried| self.without(self.effects.len() - 1).with(tried))
     }
 
     /// The same with what a table scale cannot tell from its last effect in that one's place: an encoder that swings once a turn and a
@@ -328,20 +340,24 @@ mod tests {
     fn what_is_alike_takes_the_place_of_the_other_and_its_size() {
         let tried = |name: &str| Tried { entry: entry(name).expect("an effect"), values: [700.0, 0.0, 0.0] };
         let zone = Tried { entry: entry("soft-zone").expect("an effect"), values: [90.0, 2.0, 0.0] };
-        let play = Model::new(paper_axis()).with(zone).with_last_as_alike().expect("a backlash");
+        let play = Model::new(paper_axis()).with(zone).with_last_as_alike().next().expect("a backlash");
         assert_eq!(play.effects[0].entry.name, "backlash");
         assert!((play.effects[0].values[0] - 3.6).abs() < 1e-9, "{:?}", play.effects[0].values);
         let model = Model::new(paper_axis()).with(tried("backlash")).with(tried("current-loop-lag"));
-        let other = model.with_last_as_alike().expect("a delay");
+        let other = model.with_last_as_alike().next().expect("a delay");
         let names: Vec<&str> = other.effects.iter().map(|tried| tried.entry.name).collect();
         assert_eq!(names, ["backlash", "actuator-delay"]);
         assert_eq!(other.effects[1].values[0], 700.0);
-        assert_eq!(other.with_last_as_alike().expect("a lag").effects[1].entry.name, "current-loop-lag");
-        let again = play.with_last_as_alike().and_then(|zone| zone.with_last_as_alike()).expect("a backlash");
-        assert!((again.effects[0].values[0] - 3.6).abs() < 1e-9, "{:?}", again.effects[0].values);
-        let grown =
-            Model::new(paper_axis()).with(tried("thermal-growth")).with_last_as_alike().expect("a scale");
+        let lags: Vec<&str> = other.with_last_as_alike().map(|lag| lag.effects[1].entry.name).collect();
+        assert_eq!(lags, ["current-loop-lag", "current-loop-lag-filter"]);
+        let again: Vec<Model> = play
+            .with_last_as_alike()
+            .flat_map(|zone| zone.with_last_as_alike().collect::<Vec<_>>())
+            .collect();
+        assert!((again[0].effects[0].values[0] - 3.6).abs() < 1e-9, "{:?}", again[0].effects[0].values);
+        let alone = Model::new(paper_axis());
+        let grown = alone.with(tried("thermal-growth")).with_last_as_alike().next().expect("a scale");
         assert_eq!((grown.effects[0].entry.name, grown.effects[0].values[0]), ("scale-error", 700.0));
-        assert!(Model::new(paper_axis()).with(tried("stribeck")).with_last_as_alike().is_none());
+        assert_eq!(alone.with(tried("stribeck")).with_last_as_alike().count(), 0);
     }
 }

@@ -69,6 +69,8 @@ pub fn name<'m>(
     // The base at its bottom, which is known where a name was put to the test.
     let mut base: Option<Fitted> = None;
     let (mut valleys, mut has_turned) = (0, false);
+    // With the effect that led the base out of its valley, to be asked for again.
+    let mut leader: Option<Model> = None;
     let mut effects: Vec<NamedEffect> = Vec::new();
     let (mut refused, mut smallest) = (Vec::new(), Vec::new());
     let mut open: Option<(usize, Without)> = None;
@@ -88,7 +90,14 @@ pub fn name<'m>(
         let listed = shortlist(searched, &free.holding(&held), &|parameter| peaks.of(parameter), passes);
         progress("fitting what may be missing");
         let force: Vec<usize> = at.model.constant_force().into_iter().collect();
-        let promising = screened(searched, &free.holding(&force), &listed.scored);
+        let mut promising = screened(searched, &free.holding(&force), &listed.scored);
+        // Where it leads to is known, and by a line from here it may not come there.
+        if let Some(leader) = leader.take() {
+            promising
+                .iter_mut()
+                .for_each(|all| all.retain(|one| gates::last_of(one) != gates::last_of(&leader)));
+            promising[0].push(leader);
+        }
         smallest = listed.smallest;
         let mut candidates = Vec::new();
         let is_first = effects.is_empty();
@@ -188,6 +197,7 @@ pub fn name<'m>(
         let is_deeper = test.fitted.total < DEEPER * before.total;
         let is_of_base = is_first && is_deeper && of_base > OF_BASE * gained && valleys < VALLEYS;
         if let Some(gate) = lost.or(is_of_base.then_some(Gate::Needed)) {
+            leader = lost.is_none().then(|| model.model.clone());
             (model, blocks) = taken_back((&mut effects, &mut refused), gate, test);
             // It only led the base out of its valley: what came before may have been the next best way out of it, and
             // what is missing may not have shown in it.
@@ -313,10 +323,9 @@ fn screened(once: &Problem<'_>, here: &Linear, listed: &[Scored]) -> [Vec<Model>
     };
     // What is alike is tried from where the other went: where one leads far from the base, the linear estimate of the
     // other may not.
-    let alike = begun
-        .par_iter()
-        .filter_map(|one| Some(fit(once, &one.model.with_last_as_alike()?, Effort::Coarse(FEW), Some(here))));
-    let alike: Vec<Fitted> = alike.collect();
+    let alike: Vec<Model> = begun.iter().flat_map(|one| one.model.with_last_as_alike()).collect();
+    let alike: Vec<Fitted> =
+        alike.par_iter().map(|one| fit(once, one, Effort::Coarse(FEW), Some(here))).collect();
     for other in alike {
         let name = |fitted: &Fitted| gates::last_of(&fitted.model);
         match begun.iter_mut().find(|one| name(one) == name(&other)) {

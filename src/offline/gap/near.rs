@@ -30,8 +30,8 @@ pub(super) fn price_of_a_number(cost: f64, rows: usize) -> f64 {
 
 /// Whether the last effect of a model is that of another with a number less.
 pub(super) fn is_with_less(model: &Model, other: &Model) -> bool {
-    let of_other = other.with_last_as_alike().filter(|less| less.numbers() < other.numbers());
-    of_other.is_some_and(|less| last_of(&less) == last_of(model))
+    let mut with_less = other.with_last_as_alike().filter(|less| less.numbers() < other.numbers());
+    with_less.any(|less| last_of(&less) == last_of(model))
 }
 
 /// A class with how probable each member is. Tempered: what is near a tie is to be told as one, and what no data tell from the best is as
