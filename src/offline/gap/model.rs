@@ -289,9 +289,12 @@ impl Model {
         tried.values.iter().zip(tried.entry.parameters).any(|(value, parameter)| {
             let [low, high] = parameter.bounds;
             let is_open = parameter.unit == "deg" || parameter.key == "exponent";
+            // A guide that gives way by less sticks.
+            let is_open_below = parameter.key == "way-um";
             // A fit may end just before it.
             let near = AT_BOUND * (high - low);
-            !is_open && ((*value <= low + near && low != 0.0) || *value >= high - near)
+            let is_low = *value <= low + near && low != 0.0 && !is_open_below;
+            !is_open && (is_low || *value >= high - near)
         })
     }
 }

@@ -14,10 +14,10 @@ use rayon::prelude::*;
 
 use super::blocks::Blocks;
 use super::clocks;
-use super::drift::without_drift;
 use super::fit::{Effort, Fitted, believed, fit, total_of};
 use super::gates::{self, Candidate, Gate, PLAIN, tried};
 use super::linear::Linear;
+use super::little::without_little;
 use super::louder::Louder;
 use super::model::Model;
 use super::named::{Named, NamedEffect, RunnerUp, is_alias};
@@ -279,7 +279,7 @@ pub fn name<'m>(
     effects.extend(told.named);
     refused.extend(told.refused);
     smallest.retain(|one| effects.iter().all(|named| named.name != one.name));
-    let [base, model] = without_drift(&problem, &mut effects, [base, told.model]);
+    let [base, model] = without_little(&problem, &mut effects, [base, told.model]);
     let (blocks, rows) = ([&base, &model].map(|of| Blocks::new(&problem, &of.model)), problem.counts());
     (Named { clocks_behind_s, base, model, blocks, effects, refused, smallest, rows }, problem)
 }

@@ -5,6 +5,7 @@
 use super::blocks::Blocks;
 use super::fit::Fitted;
 use super::gates::{Candidate, Gate};
+use super::model::Tried;
 use super::smallest::Smallest;
 use crate::plant::effects::{CATALOGUE, Experiment, entry};
 
@@ -72,6 +73,11 @@ impl NamedEffect {
         let (mut best, _) = self.class.into_iter().next()?;
         best.failed.push(gate);
         Some(best)
+    }
+
+    /// Its class with the values of each, the best first.
+    pub(super) fn tried(&self) -> impl Iterator<Item = &Tried> {
+        self.class.iter().filter_map(|(candidate, _)| candidate.fitted.model.effects.last())
     }
 
     /// Names of its class, the best first.

@@ -8,7 +8,7 @@
 //! The first is Dahl's model with the sliding force of Eq. (1) as its end, `x_b` the way over which it is reached; for a
 //! sliding force held over a step the equation is solved in closed form. Valid for single reversals; of ways back and forth within the
 //! band it knows the force but not the turning points before the last. The second is a bank of Maxwell slip elements (Lampaert, Swevers
-//! and Al-Bender 2003), of which the last slips after `x_b`: it closes each loop where that began. The table then never sticks: what holds
+//! and Al-Bender 2003), of which the last slips after `x_b` and none before 0.15 um: it closes each loop where that began. The table then never sticks: what holds
 //! it is the force of the bristles.
 //! Invariant: passive, what the bristles give back they were given.
 
@@ -17,13 +17,17 @@ use std::f64::consts::TAU;
 use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
 use super::hooks::{Action, BRISTLES, Bristles, Pace};
 
-const WAY: Parameter = Parameter::new("way-um", "um", [0.1, 200.0], 10.0, 10.0);
+/// What gives way less is stiffer than the finest step of a tick follows: one bristle, and one of many that slip at once.
+const LEAST_UM: [f64; 2] = [0.1, 0.15];
+const fn way(least_um: f64) -> Parameter {
+    Parameter::new("way-um", "um", [least_um, 200.0], 10.0, 10.0)
+}
 
 pub(super) const ENTRY: Entry = Entry {
     name: "presliding",
     summary: "a table that moves by micrometres before it slides",
     equation: "df/dx = σ (1 - f sign(dx) / F(v)), σ = F_low / x_b",
-    parameters: &[WAY],
+    parameters: &[way(LEAST_UM[0])],
     coordinate: Coordinate::WaySinceReversal,
     experiment: Experiment::SmallReversals,
     aliases: &[],
@@ -40,14 +44,14 @@ pub(super) const WITH_MEMORY: Entry = Entry {
     name: "presliding-with-memory",
     summary: "a table that moves by micrometres before it slides, and remembers where it turned back",
     equation: "f = Σ_j f_j, df_j = k_j dx within ±F(v) / N, k_j = F_low / (N x_b (j / N)^p)",
-    parameters: &[WAY, Parameter::new("exponent", "", [0.5, 4.0], 1.5, 0.5)],
+    parameters: &[way(LEAST_UM[1]), Parameter::new("exponent", "", [0.5, 4.0], 1.5, 0.5)],
     law_of: Some("presliding"),
     action: Action::Bristles(|values, axis| {
         let [way_um, exponent, _] = *values;
         let (share_n, count) = (axis.friction.sliding.as_n() / BRISTLES as f64, BRISTLES as f64);
         let stiffness_n_per_m = |place: usize| {
             let share = (place + 1) as f64 / count;
-            share_n / (1e-6 * way_um * libm::pow(share, exponent))
+            share_n / (1e-6 * (way_um * libm::pow(share, exponent)).max(LEAST_UM[1]))
         };
         // What slips at once falls as fast as the law does.
         Bristles {

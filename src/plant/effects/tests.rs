@@ -185,9 +185,9 @@ fn an_effect_with_its_usual_values_is_plain_to_see() {
 fn a_tick_in_ten_steps_of_their_own_changes_less_than_can_be_seen() {
     // A tenth of what counts: 0.1 um and 0.5 % of the current. A plant that is stepped so often takes no long steps.
     // Bristles swing the faster the shorter their way.
-    let presliding = entry("presliding").expect("an effect");
-    let shortest = (presliding, [presliding.parameters[0].bounds[0], 0.0, 0.0]);
-    for (entry, values) in CATALOGUE.iter().map(|entry| (entry, entry.nominal())).chain([shortest]) {
+    let bristly = CATALOGUE.iter().filter(|entry| matches!(entry.action, Action::Bristles(_)));
+    let shortest = bristly.map(|entry| (entry, [entry.parameters[0].bounds[0], 4.0, 0.0]));
+    for (entry, values) in CATALOGUE.iter().map(|entry| (entry, entry.nominal())).chain(shortest) {
         let axis = paper_axis().with_effect(entry, values);
         let tick = Span::us(50);
         let (off_um, off) = apart(&run(&axis, 10), &reversal_in(under_way_at(&axis, tick, 4), 10));

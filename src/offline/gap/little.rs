@@ -1,5 +1,5 @@
-//! A friction that changes a little while the runs are made, as that of every axis does: it is no effect, and stays with
-//! the base.
+//! What every axis has a little of: a friction that changes while the runs are made, and guides that give way by tenths of a
+//! micrometre before they slide. It is no effect, and stays with the base.
 //!
 //! Invariant: what is named beside it is named as before, and the model that is compared with the base has it too.
 
@@ -19,6 +19,8 @@ const STEADY: f64 = 0.75;
 /// What changes steadily: its time constant in times of all runs, and its change until they end as a share of that of a
 /// friction which settles.
 const FAR: f64 = 30.0;
+/// Ways over which a guide gives way that sticks, um, by law: half of what holds it is there after the same way.
+const STICKS: [(&str, f64); 2] = [("presliding", 0.2), ("presliding-with-memory", 0.4)];
 const EVEN: f64 = 0.8;
 
 /// A change of friction that is too little for a name, as shares of it.
@@ -33,27 +35,36 @@ impl Little {
     }
 }
 
-/// A base and a model with what was named first, where what only drifts has no name: it stays with the base.
-pub(super) fn without_drift(
+/// A base and a model with what was named first, where what every axis has a little of has no name: it stays with the base, and so does what
+/// cannot be told from it.
+pub(super) fn without_little(
     problem: &Problem<'_>,
     named: &mut Vec<NamedEffect>,
     [base, model]: [Fitted; 2],
 ) -> [Fitted; 2] {
     let end_s = problem.spans_s().into_iter().map(|[_, end_s]| end_s).fold(0.0, f64::max);
     let (known, all) = (named.len(), model.model.effects.len());
-    let drifts = |place: &usize| {
+    let is_little = |place: &usize| {
+        if named[*place].tried().any(is_stick) || is_stick(&model.model.effects[*place]) {
+            return true;
+        }
         let longest_s = model.effect(*place).get(1).map_or(0.0, |(_, _, [_, longest_s])| *longest_s);
         let explains_as_steady = || explains_as_steady(problem, &model, *place, end_s);
         is_drift(&model.model.effects[*place], longest_s, end_s, &explains_as_steady)
     };
-    let (drifting, staying): (Vec<usize>, Vec<usize>) = (0..known).partition(drifts);
-    if drifting.is_empty() {
+    let (little, staying): (Vec<usize>, Vec<usize>) = (0..known).partition(is_little);
+    if little.is_empty() {
         return [base, model];
     }
     let mut place = 0..;
     named.retain(|_| place.next().is_some_and(|place| staying.contains(&place)));
-    let model = model.in_order(&staying.into_iter().chain(known..all).chain(drifting).collect::<Vec<_>>());
+    let model = model.in_order(&staying.into_iter().chain(known..all).chain(little).collect::<Vec<_>>());
     [if named.is_empty() { model.clone() } else { base }, model]
+}
+
+/// Whether an effect is a guide that hardly gives way before it slides.
+fn is_stick(tried: &Tried) -> bool {
+    STICKS.iter().any(|(law, way_um)| tried.entry.name == *law && tried.values[0] < *way_um)
 }
 
 /// Whether an effect is a friction that changes little, and may go on to after the runs end: `longest_s` is what its time
@@ -86,6 +97,20 @@ fn explains_as_steady(problem: &Problem<'_>, model: &Fitted, place: usize, end_s
 mod tests {
     use super::*;
     use crate::plant::effects::entry;
+
+    #[test]
+    fn guides_that_give_way_by_tenths_of_a_micrometre_stick() {
+        for (name, way_um, sticks) in [
+            ("presliding", 0.11, true),
+            ("presliding", 0.3, false),
+            ("presliding-with-memory", 0.3, true),
+            ("presliding-with-memory", 0.5, false),
+            ("backlash", 0.11, false),
+        ] {
+            let tried = Tried { entry: entry(name).expect("an effect"), values: [way_um, 1.5, 0.0] };
+            assert_eq!(is_stick(&tried), sticks, "{name} of {way_um} um");
+        }
+    }
 
     #[test]
     fn a_friction_that_changes_little_until_the_runs_end_drifts() {
