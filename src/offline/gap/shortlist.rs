@@ -82,13 +82,17 @@ pub fn shortlist(
         let first = CATALOGUE.iter().find(is_alike).map_or(entry.name, |first| first.name);
         first != entry.name && !has(first)
     };
-    let is_another_law =
-        |entry: &Entry| model.effects.iter().any(|tried| tried.entry.is_in_the_place_of(entry));
+    // Of two laws of the same bristles the first stands for both: a fit tells which it is.
+    let is_second_law = |entry: &Entry| {
+        let before = CATALOGUE.iter().take_while(|first| first.name != entry.name);
+        let tried = model.effects.iter().map(|tried| tried.entry);
+        before.chain(tried).any(|other| entry.is_in_the_place_of(other))
+    };
     let shows = |entry: &Entry| problem.has_table() || !entry.is_of_table_scale();
     let unseen = CATALOGUE.iter().filter(|entry| !shows(entry) && entry.law_of.is_none());
     let trials: Vec<(&'static Entry, Values)> = CATALOGUE
         .iter()
-        .filter(|entry| !has(entry.name) && !is_further(entry) && !is_another_law(entry) && shows(entry))
+        .filter(|entry| !has(entry.name) && !is_further(entry) && !is_second_law(entry) && shows(entry))
         .flat_map(|entry| seeds(entry, peaks).into_iter().map(move |values| (entry, values)))
         .filter(|(entry, values)| !model.has_twin_of(&Tried { entry, values: *values }))
         .collect();
