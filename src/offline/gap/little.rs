@@ -19,9 +19,9 @@ const STEADY: f64 = 0.75;
 /// What changes steadily: its time constant in times of all runs, and its change until they end as a share of that of a
 /// friction which settles.
 const FAR: f64 = 30.0;
+const EVEN: f64 = 0.8;
 /// Ways over which a guide gives way that sticks, um, by law: half of what holds it is there after the same way.
 const STICKS: [(&str, f64); 2] = [("presliding", 0.2), ("presliding-with-memory", 0.4)];
-const EVEN: f64 = 0.8;
 
 /// A change of friction that is too little for a name, as shares of it.
 struct Little {
@@ -64,7 +64,12 @@ pub(super) fn without_little(
 
 /// Whether an effect is a guide that hardly gives way before it slides.
 fn is_stick(tried: &Tried) -> bool {
-    STICKS.iter().any(|(law, way_um)| tried.entry.name == *law && tried.values[0] < *way_um)
+    tried.values[0] < least_with_a_name(tried.entry.name)
+}
+
+/// The amplitude from which an effect has a name, however plain less of it is; nothing where any has.
+pub(super) fn least_with_a_name(name: &str) -> f64 {
+    STICKS.iter().find(|(law, _)| *law == name).map_or(f64::NEG_INFINITY, |(_, way_um)| *way_um)
 }
 
 /// Whether an effect is a friction that changes little, and may go on to after the runs end: `longest_s` is what its time

@@ -4,6 +4,7 @@
 
 use nalgebra::DMatrix;
 
+use super::little::least_with_a_name;
 use super::model::{Model, Tried};
 use super::usual::is_usual;
 use crate::plant::effects::{Entry, Parameter};
@@ -33,9 +34,10 @@ impl Smallest {
         Self { name: entry.name, key, amplitude: may_be.then_some(amplitude) }
     }
 
-    /// The same by so many times as many rows.
+    /// The same by so many times as many rows, and as much as has a name.
     pub(super) fn by_passes(self, passes: f64) -> Self {
-        Self { amplitude: self.amplitude.map(|amplitude| amplitude / passes.sqrt()), ..self }
+        let of_all = |amplitude: f64| (amplitude / passes.sqrt()).max(least_with_a_name(self.name));
+        Self { amplitude: self.amplitude.map(of_all), ..self }
     }
 }
 
@@ -46,4 +48,21 @@ pub(super) fn of_usual(model: &Model, covariance: &DMatrix<f64>) -> Vec<Smallest
         is_usual(tried.entry).then(|| Smallest::of(tried.entry, covariance[(at, at)].sqrt()))
     };
     model.effects.iter().enumerate().filter_map(of).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plant::effects::entry;
+
+    #[test]
+    fn what_has_no_name_would_not_have_been_seen() {
+        let seen = |name: &str, amplitude: f64| {
+            let one = Smallest::of(entry(name).expect("an effect"), 1.0);
+            Smallest { amplitude: Some(amplitude), ..one }.by_passes(4.0).amplitude.expect("an amplitude")
+        };
+        assert_eq!(seen("presliding", 0.004), 0.2);
+        assert_eq!(seen("presliding", 4.0), 2.0);
+        assert_eq!(seen("backlash", 0.004), 0.002);
+    }
 }
