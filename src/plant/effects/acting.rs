@@ -32,6 +32,11 @@ impl Remembered {
     /// Of an axis at rest.
     pub(in crate::plant) const REST: Self =
         Self { time_s: 0.0, bristles_n: [0.0; BRISTLES], pushed_n: 0.0, forces: [[0.0; 3]; MEMORIES_MAX] };
+
+    /// Force of all bristles together, N.
+    pub(super) fn all_bristles_n(&self) -> f64 {
+        self.bristles_n.iter().sum()
+    }
 }
 
 /// A force and the number of its memory, if it has one.

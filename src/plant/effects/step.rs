@@ -148,7 +148,7 @@ impl Acting {
 
     fn loads(&self, body: &Body, maps: &StepMaps, at: &Instant, all: &Remembered) -> Loads {
         let friction_n = match self.bristles {
-            Some(_) => all.bristles_n.iter().sum(),
+            Some(_) => all.all_bristles_n(),
             None => self.friction_n(body.law.magnitude_n(at.speed_m_per_s), at) * at.side,
         };
         let mut loads = Loads { motor_n: 0.0, table_n: friction_n - all.pushed_n - self.push_n };
@@ -172,8 +172,11 @@ impl Acting {
         }
         if let Some(bristles) = &self.bristles {
             let side = (to.table_m - from.table_m).signum();
-            let before_m_per_s = if bristles.slip_at_once() { to.table_m_per_s } else { from.table_m_per_s };
-            let speed_m_per_s = 0.5 * (before_m_per_s + to.table_m_per_s).abs();
+            let speed_m_per_s = if bristles.slip_at_once() {
+                to.table_m_per_s.abs()
+            } else {
+                0.5 * (from.table_m_per_s + to.table_m_per_s).abs()
+            };
             let rubbing = Instant { speed_m_per_s, side, ..*to };
             let sliding_n = self.friction_n(body.law.magnitude_n(speed_m_per_s), &rubbing);
             all.bristles_n = bristles.moved(all.bristles_n, sliding_n, to.table_m - from.table_m);
@@ -215,8 +218,8 @@ impl Stepping for Acting {
             // They hold the table and do not let it stick: nothing happens within a step that they do not tell.
             Some(bristles) => {
                 let sliding_n = body.law.magnitude_n(body.table_speed()) * body.slide;
-                let bristles_n: f64 = body.remembered.bristles_n.iter().sum();
-                let are_slipping = (bristles_n - sliding_n).abs() <= BENT * sliding_n.abs();
+                let left_n = body.remembered.all_bristles_n() - sliding_n;
+                let are_slipping = left_n.abs() <= BENT * sliding_n.abs();
                 if body.is_running() && are_slipping { self.pace } else { bristles.pace.max(self.pace) }
             }
         }
