@@ -11,8 +11,6 @@
 use std::f64::consts::TAU;
 use std::ops::Range;
 
-use nalgebra::Complex;
-
 use super::tones::gain;
 
 /// Windows, mm: a circle has at least one of the first each way.
@@ -21,6 +19,9 @@ const WINDOWS_MM: [f64; 2] = [8.0, 16.0];
 const LINES: Range<usize> = 10..64;
 /// Lines on either side, from the nearest to the furthest, that are a neighbourhood.
 const ABOUT: [usize; 2] = [4, 8];
+
+/// Rows that are turned at once.
+const SIDE_BY_SIDE: usize = 8;
 
 /// Share of what windows gain that windows twice as long gain at least where a period is kept.
 const KEPT: f64 = 0.5;
@@ -75,19 +76,30 @@ fn windows(run: &[Row], window_mm: f64) -> Vec<&[Row]> {
     found
 }
 
-/// Power of each line, from none to the last with its neighbours.
+/// Power of each line, from none to the last with its neighbours. Rows go side by side: each turn of one waits for the one before it.
 fn powers(window: &[Row], window_mm: f64) -> Vec<f64> {
-    let mut sums = vec![Complex::new(0.0, 0.0); LINES.end + ABOUT[1]];
-    for row in window {
-        let through = (row.place_mm - window[0].place_mm).abs() / window_mm;
-        let turn = Complex::from_polar(1.0, 0.5 * TAU * through);
-        let mut by = Complex::from(row.left * (1.0 - (TAU * through).cos()));
+    let mut sums = vec![[[0.0; SIDE_BY_SIDE]; 2]; LINES.end + ABOUT[1]];
+    for rows in window.chunks(SIDE_BY_SIDE) {
+        let (mut by, mut turn) = ([[0.0; SIDE_BY_SIDE]; 2], [[0.0; SIDE_BY_SIDE]; 2]);
+        for (lane, row) in rows.iter().enumerate() {
+            let through = (row.place_mm - window[0].place_mm).abs() / window_mm;
+            let (sin, cos) = (0.5 * TAU * through).sin_cos();
+            (turn[0][lane], turn[1][lane]) = (cos, sin);
+            by[0][lane] = row.left * (1.0 - (TAU * through).cos());
+        }
         for sum in &mut sums {
-            *sum += by;
-            by *= turn;
+            for lane in 0..SIDE_BY_SIDE {
+                let [re, im] = [by[0][lane], by[1][lane]];
+                sum[0][lane] += re;
+                sum[1][lane] += im;
+                by[0][lane] = re * turn[0][lane] - im * turn[1][lane];
+                by[1][lane] = re * turn[1][lane] + im * turn[0][lane];
+            }
         }
     }
-    sums.iter().map(|sum| sum.norm_sqr()).collect()
+    let power =
+        |sum: &[[f64; SIDE_BY_SIDE]; 2]| sum.iter().map(|part| part.iter().sum::<f64>().powi(2)).sum();
+    sums.iter().map(power).collect()
 }
 
 #[cfg(test)]
