@@ -4,11 +4,11 @@
 //! Invariant: a difference here is no matter of friction or mechanics.
 
 use std::collections::{BTreeMap, VecDeque};
-use std::ops::Range;
 
 use rayon::prelude::*;
 
 use super::forward::{SETTLE_S, resting, setpoints};
+use super::linear::product;
 use super::runs::{AxisRun, Run};
 use super::sparse::{between, cycles};
 use crate::base::axis::AxisId;
@@ -135,37 +135,68 @@ pub struct Match {
     pub steps_share: f64,
 }
 
-/// What is left of the current but what was asked for so many ticks before, as two shares of the rms of the current; a row is so many
-/// ticks. Of all rows about their mean, and of each about those within so many.
-fn left_shares(
-    run: &Run,
-    axis: &AxisRun,
-    (asked_a, ticks): (&[f64], usize),
-    late: usize,
+/// The current of an axis in the rows that count, as it is held against what was asked for.
+struct Measured {
+    /// The first row that counts; a row is so many ticks.
+    first: usize,
+    ticks: usize,
+    /// Rows on either side beside which a step of the position loop shows.
     about: usize,
-) -> [f64; 2] {
-    let first = ((SETTLE_S / run.period_s) as usize).max(late.div_ceil(ticks)).min(run.len());
-    let asked_a = |row: usize| asked_a[row * ticks - late];
-    let off: Vec<f64> =
-        axis.current_a.iter().enumerate().skip(first).map(|(row, is)| is - asked_a(row)).collect();
-    let sums: Vec<f64> = std::iter::once(0.0)
-        .chain(off.iter().scan(0.0, |sum, off| {
-            *sum += off;
-            Some(*sum)
-        }))
-        .collect();
-    let mean = |rows: Range<usize>| (sums[rows.end] - sums[rows.start]) / rows.len().max(1) as f64;
-    let all = mean(0..off.len());
-    let (mut left, mut whole) = ([0.0; 2], 0.0);
-    let rows = off.iter().zip(&axis.current_a[first..]).zip(&run.is_sound[first..]).enumerate();
-    for (row, ((off_a, is_a), _)) in rows.filter(|(_, (_, is_sound))| **is_sound) {
-        let near = mean(row.saturating_sub(about)..(row + about + 1).min(off.len()));
-        for (left, mean) in left.iter_mut().zip([all, near]) {
-            *left += (off_a - mean).powi(2);
+    /// One where a row is sound, or nothing.
+    weights: Vec<f64>,
+    /// The current, A, as it is and beside the rows about it.
+    current_a: [Vec<f64>; 2],
+}
+
+impl Measured {
+    fn new(run: &Run, axis: &AxisRun, ticks: usize, about: usize) -> Self {
+        let first = ((SETTLE_S / run.period_s) as usize).max(LATE_MAX.div_ceil(ticks)).min(run.len());
+        let current_a = [axis.current_a.clone(), beside(&axis.current_a, 1, about)];
+        Self {
+            first,
+            ticks,
+            about,
+            weights: run.is_sound[first..].iter().map(|is_sound| f64::from(u8::from(*is_sound))).collect(),
+            current_a: current_a.map(|column| column[first..].to_vec()),
         }
-        whole += is_a * is_a;
     }
-    left.map(|left| (left / whole).sqrt())
+
+    /// What is asked for in each tick, as it is and beside the rows about it.
+    fn asked(&self, asked_a: Vec<f64>) -> [Vec<f64>; 2] {
+        let beside_a = beside(&asked_a, self.ticks, self.about);
+        [asked_a, beside_a]
+    }
+
+    /// What is left of the current but what was asked for so many ticks before, as two shares of the rms of the current: of all rows about
+    /// their mean, and of each about those near it.
+    fn left_shares(&self, asked_a: &[Vec<f64>; 2], late: usize) -> [f64; 2] {
+        let off = |of: usize| -> Vec<f64> {
+            let asked_a = asked_a[of][self.first * self.ticks - late..].iter().step_by(self.ticks);
+            let rows = self.current_a[of].iter().zip(asked_a).zip(&self.weights);
+            rows.map(|((is_a, asked_a), weight)| weight * (is_a - asked_a)).collect()
+        };
+        let [all, near] = [0, 1].map(off);
+        let (count, sum) = (product(&self.weights, &self.weights), product(&all, &self.weights));
+        let left = [product(&all, &all) - sum * sum / count.max(1.0), product(&near, &near)];
+        let current_a = &self.current_a[0];
+        let weighed: Vec<f64> =
+            current_a.iter().zip(&self.weights).map(|(is_a, weight)| weight * is_a).collect();
+        left.map(|left| (left.max(0.0) / product(&weighed, current_a)).sqrt())
+    }
+}
+
+/// Each value of a column less the mean of those that are up to so many times so many ticks away.
+fn beside(column: &[f64], ticks: usize, about: usize) -> Vec<f64> {
+    let mut sums = vec![0.0; column.len() + ticks];
+    for (tick, value) in column.iter().enumerate() {
+        sums[tick + ticks] = sums[tick] + value;
+    }
+    let of = |(tick, value): (usize, &f64)| {
+        let [back, forth] = [tick, column.len() - 1 - tick].map(|ticks_away| about.min(ticks_away / ticks));
+        let sum = sums[tick + (forth + 1) * ticks] - sums[tick - back * ticks];
+        value - sum / (back + forth + 1) as f64
+    };
+    column.iter().enumerate().map(of).collect()
 }
 
 /// What was asked for behind a lag of so many ticks.
@@ -255,6 +286,7 @@ fn matches(machine: &Machine, id: AxisId, run: &Run, velocity_estimate: Velocity
     let cycles = cycles(run, machine);
     let (seen, setpoints) = seen(run, axis, run.len(), cycles);
     let about = (STEPS * machine.cycle.position_every as usize).div_ceil(cycles);
+    let measured = Measured::new(run, axis, cycles, about);
     let mut all = Vec::new();
     for gain_set in 0..machine.gain_sets.len() {
         for phase in 0..machine.cycle.position_every as usize {
@@ -263,9 +295,8 @@ fn matches(machine: &Machine, id: AxisId, run: &Run, velocity_estimate: Velocity
             let left: Vec<(usize, [f64; 2])> = LAGS
                 .into_iter()
                 .flat_map(|lag| {
-                    let lagged = lagged(&asked, lag);
-                    (0..=LATE_MAX)
-                        .map(move |late| (late, left_shares(run, axis, (&lagged, cycles), late, about)))
+                    let asked = measured.asked(lagged(&asked, lag));
+                    (0..=LATE_MAX).map(|late| (late, measured.left_shares(&asked, late))).collect::<Vec<_>>()
                 })
                 .collect();
             let steps_share = left.iter().map(|(_, [_, steps])| *steps).fold(f64::INFINITY, f64::min);
