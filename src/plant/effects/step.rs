@@ -135,11 +135,11 @@ impl Acting {
         body: &Body,
         maps: &StepMaps,
         motion: &Motion,
-        remembered: &Remembered,
+        (remembered, time_s): (&Remembered, f64),
         deflection_m: f64,
         pull_n: f64,
     ) -> (f64, Instant) {
-        let mut at = self.instant(body, maps, motion, remembered.time_s);
+        let mut at = self.instant(body, maps, motion, time_s);
         (at.deflection_m, at.screw_n) = (deflection_m, pull_n);
         let all_n = pull_n + maps.stiffness_n_per_m * self.stretch_m(&at) + self.on_table_n(&at, remembered);
         at.side = all_n.signum();
@@ -184,8 +184,16 @@ impl Acting {
         all
     }
 
-    /// The state after one step by a map, and what is remembered then.
-    fn carried(&self, body: &Body, maps: &StepMaps, map: &Map, command_n: f64) -> (Motion, Remembered) {
+    /// The state after one step by a map, and what is remembered then; nothing where that is what was before, but for the time.
+    // Most effects remember nothing, and copies of it would be a tenth of their steps.
+    #[inline(always)]
+    fn carried(
+        &self,
+        body: &Body,
+        maps: &StepMaps,
+        map: &Map,
+        command_n: f64,
+    ) -> (Motion, Option<Remembered>) {
         let from = self.instant(body, maps, &body.motion, body.remembered.time_s);
         let end_s = from.time_s + maps.length_s;
         let start = self.loads(body, maps, &from, &body.remembered);
@@ -203,10 +211,22 @@ impl Acting {
             0.5 * (last.table_n - start.table_n),
         );
         if !remembers {
-            return (end, Remembered { time_s: end_s, ..body.remembered });
+            return (end, None);
         }
         let to = self.instant(body, maps, &end, end_s);
-        (end, self.advanced(body, maps, &from, &to))
+        (end, Some(self.advanced(body, maps, &from, &to)))
+    }
+}
+
+impl Body {
+    /// A step of this length with effects is over.
+    #[inline(always)]
+    fn is_at(&mut self, end: Motion, remembered: Option<Remembered>, length_s: f64) {
+        self.motion = end;
+        match remembered {
+            Some(remembered) => self.remembered = remembered,
+            None => self.remembered.time_s += length_s,
+        }
     }
 }
 
@@ -230,10 +250,11 @@ impl Stepping for Acting {
         let map = if stands { &maps.stick } else { &maps.slip };
         let (end, remembered) = self.carried(body, maps, map, command_n);
         let goes_on = if stands {
+            let begins_s = body.remembered.time_s;
+            let then = remembered.as_ref().unwrap_or(&body.remembered);
             let [start, end] =
-                [(&body.motion, &body.remembered), (&end, &remembered)].map(|(motion, remembered)| {
-                    self.pulled(body, maps, motion, remembered, motion[0], body.pull_n(motion))
-                });
+                [(&body.motion, (&body.remembered, begins_s)), (&end, (then, begins_s + maps.length_s))]
+                    .map(|(motion, at)| self.pulled(body, maps, motion, at, motion[0], body.pull_n(motion)));
             let breakaway_n = |at: &Instant| self.friction_n(body.law.breakaway().as_n(), at);
             holds(breakaway_n(&start.1).min(breakaway_n(&end.1)), start.0, end.0)
         } else if let Some(bristles) = &self.bristles {
@@ -245,7 +266,7 @@ impl Stepping for Acting {
             body.law.has_fallen_at(end[2] * body.slide)
         };
         if goes_on {
-            (body.motion, body.remembered) = (end, remembered);
+            body.is_at(end, remembered, maps.length_s);
         }
         goes_on
     }
@@ -253,7 +274,8 @@ impl Stepping for Acting {
     fn moved(&self, body: &mut Body, maps: &StepMaps, command_n: f64) -> bool {
         let is_free = body.slide != 0.0 || self.bristles.is_some();
         let map = if is_free { &maps.slip } else { &maps.stick };
-        (body.motion, body.remembered) = self.carried(body, maps, map, command_n);
+        let (end, remembered) = self.carried(body, maps, map, command_n);
+        body.is_at(end, remembered, maps.length_s);
         if self.bristles.is_some() {
             // Bristles hold it by their force.
             body.slide = body.motion[2].signum();
@@ -263,7 +285,8 @@ impl Stepping for Acting {
     }
 
     fn break_away(&self, body: &mut Body, maps: &StepMaps, deflection_m: f64, pull_n: f64) {
-        let (all_n, at) = self.pulled(body, maps, &body.motion, &body.remembered, deflection_m, pull_n);
+        let now = (&body.remembered, body.remembered.time_s);
+        let (all_n, at) = self.pulled(body, maps, &body.motion, now, deflection_m, pull_n);
         if all_n.abs() > self.friction_n(body.law.breakaway().as_n(), &at) {
             body.slide = at.side;
         }
