@@ -60,8 +60,6 @@ pub(in crate::plant) struct Acting {
     effects: Effects,
     /// A force on the table that is always the same, N.
     pub(super) push_n: f64,
-    /// How fast the forces change while the table runs; those of bristles tell themselves.
-    pub(super) pace: Pace,
     pub(super) friction: Vec<Box<dyn Friction>>,
     pub(super) forces: Vec<Forced>,
     pub(super) bristles: Option<Bristles>,
@@ -85,7 +83,6 @@ impl Acting {
         let mut acting = Self {
             effects: axis.effects,
             push_n: axis.effects.push_n(),
-            pace: Pace::Slow,
             friction: Vec::new(),
             forces: Vec::new(),
             bristles: None,
@@ -111,9 +108,13 @@ impl Acting {
                 Action::NextAxis(make) => acting.next_axis.push(make(values, axis)),
             }
         }
-        acting.pace = acting.forces.iter().map(|forced| forced.force.pace()).max().unwrap_or(Pace::Slow);
         assert!(memories <= MEMORIES_MAX, "more than {MEMORIES_MAX} forces that remember");
         acting
+    }
+
+    /// How fast the forces change while the motor turns at a speed and the table runs; those of bristles tell themselves.
+    pub(super) fn pace_at(&self, motor_m_per_s: f64) -> Pace {
+        self.forces.iter().map(|forced| forced.force.pace(motor_m_per_s)).max().unwrap_or(Pace::Slow)
     }
 
     /// The parameters that the base model is to be computed with.

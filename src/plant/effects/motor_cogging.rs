@@ -50,8 +50,8 @@ struct Cogging {
 }
 
 impl Force for Cogging {
-    fn pace(&self) -> Pace {
-        Pace::Even
+    fn pace(&self, motor_m_per_s: f64) -> Pace {
+        Pace::of_force(self.rad_per_m * motor_m_per_s.abs() / TAU)
     }
 
     fn on_motor_n(&self, at: &Instant, _memory: &Memory) -> f64 {

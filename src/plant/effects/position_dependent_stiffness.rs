@@ -30,7 +30,7 @@ struct Softening {
 }
 
 impl Force for Softening {
-    fn pace(&self) -> Pace {
+    fn pace(&self, _motor_m_per_s: f64) -> Pace {
         Pace::Even
     }
 

@@ -56,7 +56,7 @@ impl Mode {
 }
 
 impl Force for Mode {
-    fn pace(&self) -> Pace {
+    fn pace(&self, _motor_m_per_s: f64) -> Pace {
         Pace::of_swing(self.spring_per_s2.sqrt() / TAU)
     }
 

@@ -37,7 +37,7 @@ struct SoftZone {
 }
 
 impl Force for SoftZone {
-    fn pace(&self) -> Pace {
+    fn pace(&self, _motor_m_per_s: f64) -> Pace {
         Pace::Even
     }
 

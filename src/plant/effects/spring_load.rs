@@ -38,7 +38,7 @@ impl Force for Spring {
     fn on_table_n(&self, at: &Instant, _memory: &Memory) -> f64 {
         -self.n_per_m * (at.table_m - self.neutral_m)
     }
-    fn pace(&self) -> Pace {
+    fn pace(&self, _motor_m_per_s: f64) -> Pace {
         Pace::Slow
     }
 }

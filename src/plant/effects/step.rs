@@ -232,15 +232,16 @@ impl Body {
 
 impl Stepping for Acting {
     fn pace(&self, body: &Body) -> Pace {
+        let pace = self.pace_at(body.motion[1]);
         match &self.bristles {
-            None if body.is_running() || body.slide == 0.0 => self.pace,
+            None if body.is_running() || body.slide == 0.0 => pace,
             None => Pace::Fast,
             // They hold the table and do not let it stick: nothing happens within a step that they do not tell.
             Some(bristles) => {
                 let sliding_n = body.law.magnitude_n(body.table_speed()) * body.slide;
                 let left_n = body.remembered.all_bristles_n() - sliding_n;
                 let are_slipping = left_n.abs() <= BENT * sliding_n.abs();
-                if body.is_running() && are_slipping { self.pace } else { bristles.pace.max(self.pace) }
+                if body.is_running() && are_slipping { pace } else { bristles.pace.max(pace) }
             }
         }
     }

@@ -29,8 +29,8 @@ pub(super) const ENTRY: Entry = Entry {
 struct Torque(Swing);
 
 impl Force for Torque {
-    fn pace(&self) -> Pace {
-        Pace::Even
+    fn pace(&self, _motor_m_per_s: f64) -> Pace {
+        self.0.pace()
     }
 
     fn on_motor_n(&self, at: &Instant, _memory: &Memory) -> f64 {
@@ -52,8 +52,8 @@ pub(super) const PUSH: Entry = Entry {
 struct Push(Swing);
 
 impl Force for Push {
-    fn pace(&self) -> Pace {
-        Pace::Even
+    fn pace(&self, _motor_m_per_s: f64) -> Pace {
+        self.0.pace()
     }
 
     fn on_table_n(&self, at: &Instant, _memory: &Memory) -> f64 {
@@ -72,6 +72,10 @@ struct Swing {
 impl Swing {
     fn new(amplitude_n: f64, values: &Values) -> Self {
         Self { amplitude_n, rad_per_s: TAU * values[1], phase_rad: values[2].to_radians() }
+    }
+
+    fn pace(&self) -> Pace {
+        Pace::of_force(self.rad_per_s / TAU)
     }
 
     fn at_n(&self, at: &Instant) -> f64 {

@@ -49,8 +49,8 @@ struct TorqueRipple {
 }
 
 impl Force for TorqueRipple {
-    fn pace(&self) -> Pace {
-        Pace::Even
+    fn pace(&self, motor_m_per_s: f64) -> Pace {
+        Pace::of_force(self.rad_per_m * motor_m_per_s.abs() / TAU)
     }
 
     fn on_motor_n(&self, at: &Instant, _memory: &Memory) -> f64 {

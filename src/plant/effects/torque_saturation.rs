@@ -31,7 +31,7 @@ struct Saturation {
 }
 
 impl Force for Saturation {
-    fn pace(&self) -> Pace {
+    fn pace(&self, _motor_m_per_s: f64) -> Pace {
         Pace::Even
     }
 
