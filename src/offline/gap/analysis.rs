@@ -24,6 +24,7 @@ use super::motions::{busy, part_of};
 use super::name::name;
 use super::named::Named;
 use super::problem::{AxisData, Problem, SIGNALS};
+use super::refit::is_noise;
 use super::repeat::{Repeat, first_pass};
 use super::repeats::repeats;
 use super::rest::Rest;
@@ -219,7 +220,9 @@ fn axis<'m>(
     }
     let start = Model::new(machine.axes[id].plant);
     let (mut named, mut weighed) = name(&problem, &start, &say);
-    if problem.as_clocked(&named).zeros_are_apart(&start, &named.model.model) {
+    // Zeros that are apart leave more than noise, whatever was named.
+    let are_apart = || problem.as_clocked(&named).zeros_are_apart(&start, &named.model.model);
+    if !is_noise(&weighed, &named.model) && are_apart() {
         say("runs with a zero of the table scale each");
         problem = problem.with_zeros(Zeros::OfEachRun);
         (named, weighed) = name(&problem, &start, &say);

@@ -85,6 +85,16 @@ pub fn believed(model: &Model) -> f64 {
 
 /// The model fitted from where it stands; with the derivatives of `known` for the coordinates that it has.
 pub fn fit(problem: &Problem<'_>, start: &Model, effort: Effort, known: Option<&Linear>) -> Fitted {
+    ending(problem, start, effort, known).0
+}
+
+/// The same, and whether it ended before its effort did: more of the same would gain nothing.
+pub(super) fn ending(
+    problem: &Problem<'_>,
+    start: &Model,
+    effort: Effort,
+    known: Option<&Linear>,
+) -> (Fitted, bool) {
     let block = problem.rows_in(BLOCK_S);
     let rows = problem.count(Part::Fit).max(1) as f64;
     let iterations = match effort {
@@ -99,7 +109,7 @@ pub fn fit(problem: &Problem<'_>, start: &Model, effort: Effort, known: Option<&
     // Far from the minimum all rows are far off: they count by their square until they are near.
     let mut knee = knee(&left);
     let mut covariance = DMatrix::zeros(model.coordinate_count(), model.coordinate_count());
-    let (mut kicked, mut idle) = (0, 0);
+    let (mut kicked, mut idle, mut has_ended) = (0, 0, false);
     for _ in 0..iterations {
         let loss = Loss::bounded(knee);
         let mut total = sum(&left, loss) + believed(&model);
@@ -158,10 +168,12 @@ pub fn fit(problem: &Problem<'_>, start: &Model, effort: Effort, known: Option<&
             } else {
                 Vec::new()
             };
-            let Some((other, other_left, other_total)) = best_of(problem, &kicks, loss) else { break };
-            if total - other_total < half_a_unit(total) {
+            let deeper = best_of(problem, &kicks, loss)
+                .filter(|(.., other_total)| total - other_total >= half_a_unit(total));
+            let Some((other, other_left, _)) = deeper else {
+                has_ended = true;
                 break;
-            }
+            };
             (kicked, idle) = (kicked + 1, 0);
             (model, left) = (other, other_left);
             damping = DAMPING.0;
@@ -169,7 +181,7 @@ pub fn fit(problem: &Problem<'_>, start: &Model, effort: Effort, known: Option<&
     }
     let cost = sum(&left, Loss::LAST);
     let total = cost + believed(&model);
-    Fitted { model, cost, total, covariance }
+    (Fitted { model, cost, total, covariance }, has_ended)
 }
 
 /// What all rows are within but for [`EVENTS`], and never less than what judges.

@@ -14,8 +14,8 @@ use rayon::prelude::*;
 
 use super::blocks::Blocks;
 use super::clocks;
-use super::fit::{Effort, Fitted, believed, fit, total_of};
-use super::gates::{self, Candidate, Gate, PLAIN, tried};
+use super::fit::{self, Effort, Fitted, believed, fit, total_of};
+use super::gates::{self, Candidate, Gate, tried};
 use super::linear::Linear;
 use super::little::without_little;
 use super::louder::Louder;
@@ -24,8 +24,8 @@ use super::named::{Named, NamedEffect, RunnerUp, is_alias};
 use super::near::{Near, ROUGHLY, is_with_less, margin, price_of_a_number, weighed};
 use super::problem::{Part, Problem};
 use super::refit::{
-    ITERATIONS, about, anew, another_way, base_refitted, coarsely, coarsely_from, ended, is_far, refitted,
-    scale, unsettled,
+    ITERATIONS, about, anew, another_way, base_refitted, coarsely, coarsely_from, ended, is_far, is_noise,
+    refitted, scale, unsettled,
 };
 use super::shortlist::{Scored, shortlist};
 use super::spectrum::Peaks;
@@ -261,9 +261,7 @@ pub fn name<'m>(
         // Weighed as all that is compared with it.
         Some(base) => fit(&problem, &base.model, Effort::Coarse(1), None),
         // What is noise is at its bottom, or nobody could tell, unless another model is held against it.
-        None if coarse.cost <= PLAIN * problem.count(Part::Fit) as f64
-            && !usual::may_be_named(&problem, &coarse, usual) =>
-        {
+        None if is_noise(&problem, &coarse) && !usual::may_be_named(&problem, &coarse, usual) => {
             coarse.clone()
         }
         None => fit(&problem, &coarse.model, Effort::Fine, None),
@@ -309,36 +307,39 @@ fn screened(once: &Problem<'_>, here: &Linear, listed: &[Scored]) -> [Vec<Model>
         let parameters = fitted.model.numbers() - here.model.numbers();
         (without - fitted.total) / scale(fitted.cost, rows) - parameters as f64 * (rows.max(1) as f64).ln()
     };
-    let best = |all: &[Fitted]| all.iter().map(explained).fold(0.0, f64::max);
+    let best = |all: &mut dyn Iterator<Item = &Fitted>| all.map(explained).fold(0.0, f64::max);
     let begun = |scored: &Scored| {
         let [first, second] = &scored.starts;
         let start = if total_of(once, second) < total_of(once, first) { second } else { first };
-        fit(once, start, Effort::Coarse(FEW), Some(here))
+        fit::ending(once, start, Effort::Coarse(FEW), Some(here))
     };
-    let ended = |begun: Fitted| fit(once, &begun.model, Effort::Coarse(ITERATIONS[1] - FEW), Some(here));
+    let ended = |(begun, has_ended): (Fitted, bool)| {
+        let effort = Effort::Coarse(ITERATIONS[1] - FEW);
+        if has_ended { begun } else { fit(once, &begun.model, effort, Some(here)) }
+    };
     let tried = listed.par_iter().enumerate().filter(|(place, one)| *place < FITTED || one.is_sure);
-    let mut begun: Vec<Fitted> = tried.map(|(_, one)| begun(one)).collect();
+    let mut begun: Vec<(Fitted, bool)> = tried.map(|(_, one)| begun(one)).collect();
     let is_sure = |fitted: &Fitted| {
         listed.iter().any(|one| one.is_sure && Some(one.entry().name) == gates::last_of(&fitted.model))
     };
     // What is alike is tried from where the other went: where one leads far from the base, the linear estimate of the
     // other may not.
-    let alike: Vec<Model> = begun.iter().flat_map(|one| one.model.with_last_as_alike()).collect();
-    let alike: Vec<Fitted> =
-        alike.par_iter().map(|one| fit(once, one, Effort::Coarse(FEW), Some(here))).collect();
+    let alike: Vec<Model> = begun.iter().flat_map(|(one, _)| one.model.with_last_as_alike()).collect();
+    let alike: Vec<(Fitted, bool)> =
+        alike.par_iter().map(|one| fit::ending(once, one, Effort::Coarse(FEW), Some(here))).collect();
     for other in alike {
-        let name = |fitted: &Fitted| gates::last_of(&fitted.model);
+        let name = |(fitted, _): &(Fitted, bool)| gates::last_of(&fitted.model);
         match begun.iter_mut().find(|one| name(one) == name(&other)) {
-            Some(one) if one.total <= other.total => {}
+            Some((one, _)) if one.total <= other.0.total => {}
             Some(one) => *one = other,
             None => begun.push(other),
         }
     }
-    let least = SHARES[0] * best(&begun);
-    begun.retain(|one| explained(one) > least || is_sure(one));
+    let least = SHARES[0] * best(&mut begun.iter().map(|(one, _)| one));
+    begun.retain(|(one, _)| explained(one) > least || is_sure(one));
     let mut ended: Vec<Fitted> = begun.into_par_iter().map(ended).collect();
     ended.retain(|one| explained(one) > 0.0 || is_sure(one));
-    let least = SHARES[1] * best(&ended);
+    let least = SHARES[1] * best(&mut ended.iter());
     let (most, less): (Vec<Fitted>, Vec<Fitted>) = ended.into_iter().partition(|one| explained(one) >= least);
     [most, less].map(|all| all.into_iter().map(|fitted| fitted.model).collect())
 }

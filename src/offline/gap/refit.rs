@@ -136,8 +136,7 @@ pub(super) fn coarsely<'m>(problem: &Problem<'m>, start: &Model) -> (Problem<'m>
     let led = led_by_motion(&once, &begun);
     let (near, first) = about(problem, &nearer(&once, &led, 0));
     // Where little is left another way leads nowhere else, and where much is, something is missing that no way makes up for.
-    let is_little = first.cost <= PLAIN * near.count(Part::Fit) as f64;
-    if is_little || is_much_left(&near, &first.model) {
+    if is_noise(&near, &first) || is_much_left(&near, &first.model) {
         return (near, first, led);
     }
     let other = about(problem, &nearer(&once, &led, 1));
@@ -213,6 +212,11 @@ pub(super) fn coarsely_from(
 /// Whether a model explains so much of what another leaves that it is fitted to the bottom before it is judged.
 pub(super) fn is_far(fitted: &Fitted, without: &Fitted) -> bool {
     fitted.total < FAR * without.total
+}
+
+/// Whether a model leaves no more than noise of the rows that it was fitted to.
+pub(super) fn is_noise(problem: &Problem<'_>, fitted: &Fitted) -> bool {
+    fitted.cost <= PLAIN * problem.count(Part::Fit) as f64
 }
 
 /// What is left per row.
