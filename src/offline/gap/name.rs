@@ -37,6 +37,8 @@ use super::without::{Need, Without};
 /// the second share are fitted to all rows, and the others where none of these passes.
 const FITTED: usize = 6;
 const SHARES: [f64; 2] = [0.1, 0.6];
+/// What leaves so many times as much as another candidate has no prospect beside it.
+const HOPELESS: f64 = 20.0;
 /// Iterations of a candidate that is fitted to few rows, before it may be dropped.
 const FEW: usize = 2;
 /// Most effects that are named of an axis.
@@ -340,6 +342,8 @@ fn screened(once: &Problem<'_>, here: &Linear, listed: &[Scored]) -> [Vec<Model>
     let mut ended: Vec<Fitted> = begun.into_par_iter().map(ended).collect();
     ended.retain(|one| explained(one) > 0.0 || is_sure(one));
     let least = SHARES[1] * best(&mut ended.iter());
-    let (most, less): (Vec<Fitted>, Vec<Fitted>) = ended.into_iter().partition(|one| explained(one) >= least);
+    let hopeless = HOPELESS * ended.iter().map(|one| one.total).fold(f64::INFINITY, f64::min);
+    let (most, less): (Vec<Fitted>, Vec<Fitted>) =
+        ended.into_iter().partition(|one| explained(one) >= least && one.total < hopeless);
     [most, less].map(|all| all.into_iter().map(|fitted| fitted.model).collect())
 }
