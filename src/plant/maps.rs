@@ -89,6 +89,11 @@ pub(super) struct StepMaps {
 }
 
 impl StepMaps {
+    /// Stiffness and damping of the screw in them.
+    pub(super) const fn screw(&self) -> [f64; 2] {
+        [self.stiffness_n_per_m, self.damping_n_s_per_m]
+    }
+
     /// Both maps of an axis for a step of `step_s` seconds.
     pub(super) fn new(axis: &Parameters, step_s: f64) -> Self {
         Self {

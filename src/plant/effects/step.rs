@@ -110,7 +110,13 @@ struct Loads {
 
 impl Acting {
     /// The body at a state of motion, at a time.
-    fn instant(&self, body: &Body, maps: &StepMaps, motion: &Motion, time_s: f64) -> Instant {
+    fn instant(
+        &self,
+        body: &Body,
+        [stiffness_n_per_m, damping_n_s_per_m]: [f64; 2],
+        motion: &Motion,
+        time_s: f64,
+    ) -> Instant {
         let [deflection_m, motor_m_per_s, table_m_per_s, drive_n, motor_m] = *motion;
         let side = if self.bristles.is_some() { table_m_per_s.signum() } else { body.slide };
         let place_m = body.origin_m + motor_m;
@@ -120,8 +126,7 @@ impl Acting {
             table_m_per_s,
             deflection_m,
             drive_n,
-            screw_n: maps.stiffness_n_per_m * deflection_m
-                + maps.damping_n_s_per_m * (motor_m_per_s - table_m_per_s),
+            screw_n: stiffness_n_per_m * deflection_m + damping_n_s_per_m * (motor_m_per_s - table_m_per_s),
             speed_m_per_s: (table_m_per_s * side).max(0.0),
             side,
             time_s,
@@ -139,7 +144,7 @@ impl Acting {
         deflection_m: f64,
         pull_n: f64,
     ) -> (f64, Instant) {
-        let mut at = self.instant(body, maps, motion, time_s);
+        let mut at = self.instant(body, maps.screw(), motion, time_s);
         (at.deflection_m, at.screw_n) = (deflection_m, pull_n);
         let all_n = pull_n + maps.stiffness_n_per_m * self.stretch_m(&at) + self.on_table_n(&at, remembered);
         at.side = all_n.signum();
@@ -194,11 +199,11 @@ impl Acting {
         map: &Map,
         command_n: f64,
     ) -> (Motion, Option<Remembered>) {
-        let from = self.instant(body, maps, &body.motion, body.remembered.time_s);
+        let from = self.instant(body, maps.screw(), &body.motion, body.remembered.time_s);
         let end_s = from.time_s + maps.length_s;
         let start = self.loads(body, maps, &from, &body.remembered);
         let mut end = map.apply_loaded(&body.motion, command_n, start.motor_n, start.table_n);
-        let predicted = self.instant(body, maps, &end, end_s);
+        let predicted = self.instant(body, maps.screw(), &end, end_s);
         let remembers = self.remembers();
         let last = if remembers {
             self.loads(body, maps, &predicted, &self.advanced(body, maps, &from, &predicted))
@@ -213,7 +218,7 @@ impl Acting {
         if !remembers {
             return (end, None);
         }
-        let to = self.instant(body, maps, &end, end_s);
+        let to = self.instant(body, maps.screw(), &end, end_s);
         (end, Some(self.advanced(body, maps, &from, &to)))
     }
 }
@@ -238,7 +243,9 @@ impl Stepping for Acting {
             None => Pace::Fast,
             // They hold the table and do not let it stick: nothing happens within a step that they do not tell.
             Some(bristles) => {
-                let sliding_n = body.law.magnitude_n(body.table_speed()) * body.slide;
+                let screw = [body.stiffness_n_per_m, body.damping_n_s_per_m];
+                let at = self.instant(body, screw, &body.motion, body.remembered.time_s);
+                let sliding_n = self.friction_n(body.law.magnitude_n(at.speed_m_per_s), &at) * at.side;
                 let left_n = body.remembered.all_bristles_n() - sliding_n;
                 let are_slipping = left_n.abs() <= BENT * sliding_n.abs();
                 if body.is_running() && are_slipping { pace } else { bristles.pace.max(pace) }
