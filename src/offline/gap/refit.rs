@@ -25,6 +25,8 @@ const TUNED: [f64; 2] = [0.6, -0.6];
 const REACH: f64 = 0.1;
 /// A model that leaves so many times as much without an effect needs it.
 pub(super) const PLAINLY: f64 = 1.5;
+/// A share of that reach that changes nothing.
+const NO_WAY: f64 = 0.01;
 /// How often a base is fitted again for what noise does about it, and what of its total is no change.
 const ROUNDS: usize = 3;
 const SETTLED: f64 = 0.01;
@@ -168,14 +170,24 @@ pub(super) fn unsettled<'m>(near: &Problem<'m>, fitted: &Fitted) -> Option<Probl
 /// the one before.
 pub(super) fn about<'m>(problem: &Problem<'m>, base: &Model) -> (Problem<'m>, Fitted) {
     let coarse = |near: &Problem<'m>, base: &Model| fit(near, base, Effort::Coarse(ITERATIONS[0]), None);
-    let mut near = problem.where_straight(base, REACH, 0);
+    let (mut near, mut weighed) = (problem.where_straight(base, REACH, 0), base.clone());
     let mut fitted = coarse(&near, base);
     for _ in 0..ROUNDS {
+        if is_where(&fitted.model, &weighed) {
+            break;
+        }
         let Some(next) = unsettled(&near, &fitted) else { break };
-        fitted = coarse(&next, &fitted.model);
+        weighed = fitted.model;
+        fitted = coarse(&next, &weighed);
         near = next;
     }
     (near, fitted)
+}
+
+/// Whether a model is so near to another that rows count about it as they do about that one.
+fn is_where(model: &Model, other: &Model) -> bool {
+    let near = |(at, other): (f64, f64)| (at - other).abs() < NO_WAY * REACH;
+    model.coordinates().into_iter().zip(other.coordinates()).all(near)
 }
 
 /// The base by another way from where rows in motion led, if it leaves plainly less: where one leaves so much that something must be
