@@ -16,6 +16,7 @@ use super::crossed;
 use super::fit::{Effort, Fitted, fit};
 use super::judged::{self, Judged};
 use super::linear::Linear;
+use super::little::is_stick;
 use super::model::{Model, Tried};
 use super::nearby::costs_nearby;
 use super::problem::Problem;
@@ -280,9 +281,11 @@ pub(super) fn judged(
         failed.push(Gate::Fit);
     }
     let is_hidden = does_not_show_where_judged(entry, without, &fitted, [blocks_without, &blocks], rows);
+    // What will have no name may be as little as it is: what has one is the truer beside it.
+    let is_nameless = is_stick(&fitted.model.effects[added]);
     let is_worth_it = held_fall > HELD_FALL
         && without_held - held >= HELD_SHARE * left
-        && blocks_without.falls_further(alone, &blocks, FURTHER);
+        && (is_nameless || blocks_without.falls_further(alone, &blocks, FURTHER));
     if !is_hidden && !is_worth_it {
         failed.push(Gate::Held);
     }

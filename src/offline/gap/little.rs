@@ -63,7 +63,7 @@ pub(super) fn without_little(
 }
 
 /// Whether an effect is a guide that hardly gives way before it slides.
-fn is_stick(tried: &Tried) -> bool {
+pub(super) fn is_stick(tried: &Tried) -> bool {
     tried.values[0] < least_with_a_name(tried.entry.name)
 }
 
