@@ -103,7 +103,12 @@ impl Bristles {
 
 #[cfg(test)]
 mod tests {
+    use super::super::entry;
+    use super::super::step::Stepping;
     use super::*;
+    use crate::base::time::Span;
+    use crate::base::units::{Position, Velocity};
+    use crate::plant::Plant;
     use crate::plant::tests::paper_axis;
 
     /// Force after ways from where all slipped backwards, as a share of that of sliding.
@@ -125,6 +130,24 @@ mod tests {
         ] {
             let found = after(&WITH_MEMORY, ways_um);
             assert_eq!((found - end).abs() < 1e-12, is_there, "{found} after {ways_um:?} um");
+        }
+    }
+
+    #[test]
+    fn bristles_that_slip_need_no_fine_steps_whatever_the_friction_is() {
+        let velocity = Velocity::mm_per_s(20.0);
+        for of_bristles in [&ENTRY, &WITH_MEMORY] {
+            let bristly = paper_axis().with_effect(of_bristles, of_bristles.nominal());
+            let stribeck = entry("stribeck").expect("an effect");
+            for axis in [bristly, bristly.with_effect(stribeck, [300.0, 20.0, 1.0])] {
+                let mut plant = Plant::sliding(&axis, Span::us(500), velocity, Position::ZERO);
+                let current = plant.state().current;
+                for _ in 0..10 {
+                    plant.step(current);
+                }
+                let acting = plant.acting.as_ref().expect("effects");
+                assert_eq!(acting.pace(&plant.body), Pace::Slow, "{}: {:?}", of_bristles.name, plant.body);
+            }
         }
     }
 
