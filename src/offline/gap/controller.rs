@@ -171,8 +171,10 @@ impl Measured {
     /// their mean, and of each about those near it.
     fn left_shares(&self, asked_a: &[Vec<f64>; 2], late: usize) -> [f64; 2] {
         let off = |of: usize| -> Vec<f64> {
-            let asked_a = asked_a[of][self.first * self.ticks - late..].iter().step_by(self.ticks);
-            let rows = self.current_a[of].iter().zip(asked_a).zip(&self.weights);
+            // A run that is over before its rows count was asked for nothing there.
+            let asked_a =
+                asked_a[of].get((self.first * self.ticks).saturating_sub(late)..).unwrap_or_default();
+            let rows = self.current_a[of].iter().zip(asked_a.iter().step_by(self.ticks)).zip(&self.weights);
             rows.map(|((is_a, asked_a), weight)| weight * (is_a - asked_a)).collect()
         };
         let [all, near] = [0, 1].map(off);
@@ -354,6 +356,25 @@ mod tests {
         let short = run.axes[&AxisId::X].by_columns(|column| column[REST - 20..].to_vec());
         let short = Run { axes: BTreeMap::from([(AxisId::X, short)]), is_sound: vec![true; 120], ..run };
         assert_eq!(resting_a(&machine, AxisId::X, 0, &short, 0), None, "it hardly rests");
+    }
+
+    #[test]
+    fn a_run_that_is_over_before_its_rows_count_says_nothing() {
+        let machine = config::load("paper").expect("a machine");
+        for (rows, every) in [(20, 1.0), (20, 4.0), (2, 1.0)] {
+            let columns = || vec![0.1; rows];
+            let axis =
+                AxisRun { position_m: columns(), table_m: None, current_a: columns(), setpoint_m: columns() };
+            let run = Run {
+                name: "moment".to_owned(),
+                start_s: 0.0,
+                period_s: every * machine.cycle.period.as_s(),
+                axes: BTreeMap::from([(AxisId::X, axis)]),
+                is_sound: vec![true; rows],
+            };
+            let all = matches(&machine, AxisId::X, &run, machine.axes[AxisId::X].velocity_estimate);
+            assert!(all.iter().all(|found| found.left_share.is_nan()), "{rows} rows: {all:?}");
+        }
     }
 
     #[test]
