@@ -28,8 +28,8 @@ const ALIKE: [Alike; 11] = [
     ("current-loop-lag", "actuator-delay", |values| [values[0], 0.0, 0.0]),
     ("current-loop-lag-filter", "actuator-delay", |values| [values[0], 0.0, 0.0]),
     // Half of what holds it is there after the same way.
-    ("presliding", "presliding-with-memory", |values| [(4.0 * values[0]).min(200.0), 1.5, 0.0]),
-    ("presliding-with-memory", "presliding", |values| [(values[0] / 4.0).max(0.1), 0.0, 0.0]),
+    ("presliding", "presliding-with-memory", |values| [4.0 * values[0], 1.5, 0.0]),
+    ("presliding-with-memory", "presliding", |values| [values[0] / 4.0, 0.0, 0.0]),
     // A zone that is all soft is play, from one of its ends to the other.
     ("soft-zone", "backlash", |values| [2e-2 * values[0] * values[1], 0.0, 0.0]),
     // As much play, in a zone as soft as usual.
@@ -104,12 +104,18 @@ impl Model {
         model
     }
 
-    /// The same with each effect that is like its last one in that one's place, as large.
+    /// The same with each effect that is like its last one in that one's place, as large as it may be.
     pub fn with_last_as_alike(&self) -> impl Iterator<Item = Self> {
         let alike = |last: &Tried| {
             let (of, values) = (last.entry.name, last.values);
             let alike = ALIKE.iter().filter(move |(name, ..)| *name == of);
-            alike.filter_map(move |(_, other, to)| Some(Tried { entry: entry(other)?, values: to(&values) }))
+            alike.filter_map(move |(_, other, to)| {
+                let (entry, mut values) = (entry(other)?, to(&values));
+                for (value, Parameter { bounds: [low, high], .. }) in values.iter_mut().zip(entry.parameters) {
+                    *value = value.clamp(*low, *high);
+                }
+                Some(Tried { entry, values })
+            })
         };
         self.effects
             .last()
