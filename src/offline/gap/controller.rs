@@ -146,19 +146,22 @@ struct Measured {
     weights: Vec<f64>,
     /// The current, A, as it is and beside the rows about it.
     current_a: [Vec<f64>; 2],
+    /// Sound rows, and the sum of the squares of their current, A².
+    count: f64,
+    whole_a2: f64,
 }
 
 impl Measured {
     fn new(run: &Run, axis: &AxisRun, ticks: usize, about: usize) -> Self {
         let first = ((SETTLE_S / run.period_s) as usize).max(LATE_MAX.div_ceil(ticks)).min(run.len());
         let current_a = [axis.current_a.clone(), beside(&axis.current_a, 1, about)];
-        Self {
-            first,
-            ticks,
-            about,
-            weights: run.is_sound[first..].iter().map(|is_sound| f64::from(u8::from(*is_sound))).collect(),
-            current_a: current_a.map(|column| column[first..].to_vec()),
-        }
+        let current_a = current_a.map(|column| column[first..].to_vec());
+        let weights: Vec<f64> =
+            run.is_sound[first..].iter().map(|is_sound| f64::from(u8::from(*is_sound))).collect();
+        let weighed: Vec<f64> =
+            current_a[0].iter().zip(&weights).map(|(is_a, weight)| weight * is_a).collect();
+        let (count, whole_a2) = (product(&weights, &weights), product(&weighed, &current_a[0]));
+        Self { first, ticks, about, weights, current_a, count, whole_a2 }
     }
 
     /// What is asked for in each tick, as it is and beside the rows about it.
@@ -178,12 +181,9 @@ impl Measured {
             rows.map(|((is_a, asked_a), weight)| weight * (is_a - asked_a)).collect()
         };
         let [all, near] = [0, 1].map(off);
-        let (count, sum) = (product(&self.weights, &self.weights), product(&all, &self.weights));
-        let left = [product(&all, &all) - sum * sum / count.max(1.0), product(&near, &near)];
-        let current_a = &self.current_a[0];
-        let weighed: Vec<f64> =
-            current_a.iter().zip(&self.weights).map(|(is_a, weight)| weight * is_a).collect();
-        left.map(|left| (left.max(0.0) / product(&weighed, current_a)).sqrt())
+        let sum = product(&all, &self.weights);
+        let left = [product(&all, &all) - sum * sum / self.count.max(1.0), product(&near, &near)];
+        left.map(|left| (left.max(0.0) / self.whole_a2).sqrt())
     }
 }
 

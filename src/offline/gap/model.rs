@@ -111,7 +111,8 @@ impl Model {
             let alike = ALIKE.iter().filter(move |(name, ..)| *name == of);
             alike.filter_map(move |(_, other, to)| {
                 let (entry, mut values) = (entry(other)?, to(&values));
-                for (value, Parameter { bounds: [low, high], .. }) in values.iter_mut().zip(entry.parameters) {
+                for (value, Parameter { bounds: [low, high], .. }) in values.iter_mut().zip(entry.parameters)
+                {
                     *value = value.clamp(*low, *high);
                 }
                 Some(Tried { entry, values })
