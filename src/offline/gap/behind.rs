@@ -11,8 +11,8 @@
 
 use std::collections::BTreeMap;
 
-use super::analysis::AxisGap;
 use super::forward::FOLLOWING_ERROR;
+use super::model::Model;
 use super::problem::{Part, Problem};
 use super::rest::Rest;
 use super::runs::Run;
@@ -71,15 +71,15 @@ fn further(a: f64, b: f64) -> f64 {
 /// A mean: what is left of the following error, and the velocity that was asked for; by number, of those that count.
 type Means = BTreeMap<usize, [f64; 2]>;
 
-/// The stretches in which all axes are behind, one of a run.
-pub(super) fn behind(axes: &[AxisGap<'_>]) -> Vec<Behind> {
-    let Some(period_s) = axes.first().map(|axis| axis.problem.period_s()) else {
+/// The stretches in which all axes are behind, one of a run, by the runs of each and a model of it.
+pub(super) fn behind(axes: &[(&Problem<'_>, &Model)]) -> Vec<Behind> {
+    let Some(period_s) = axes.first().map(|(problem, _)| problem.period_s()) else {
         return Vec::new();
     };
     let rows = ((MEAN_S / period_s) as usize).max(1);
-    let of_axis = |axis: &AxisGap<'_>| -> BTreeMap<usize, Means> {
-        let of_run = |place: usize| (axis.problem.data[place].run, means(axis, place, rows));
-        (0..axis.problem.data.len()).map(of_run).collect()
+    let of_axis = |(problem, model): &(&Problem<'_>, &Model)| -> BTreeMap<usize, Means> {
+        let of_run = |place: usize| (problem.data[place].run, means(problem, model, place, rows));
+        (0..problem.data.len()).map(of_run).collect()
     };
     let all: Vec<BTreeMap<usize, Means>> = axes.iter().map(of_axis).collect();
     stretches(&all)
@@ -89,8 +89,7 @@ pub(super) fn behind(axes: &[AxisGap<'_>]) -> Vec<Behind> {
 }
 
 /// Means of so many rows of a run.
-fn means(axis: &AxisGap<'_>, place: usize, rows: usize) -> Means {
-    let (problem, model): (&Problem<'_>, _) = (&axis.problem, &axis.named.model.model);
+fn means(problem: &Problem<'_>, model: &Model, place: usize, rows: usize) -> Means {
     let (data, simulated) = (&problem.data[place], problem.simulated(place, model));
     let left = problem.left(place, &simulated, FOLLOWING_ERROR, Part::Fit);
     let speeds: Vec<f64> = data.course.setpoints().map(|setpoint| setpoint.velocity.as_m_per_s()).collect();

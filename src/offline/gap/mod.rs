@@ -8,6 +8,7 @@
 //! ```
 //!
 //! [`intake`] looks at data, and [`logged`] at logs, before they are believed as [`runs`], of one kind of `motions` each;
+//! an axis is [`asked`] with its runs and a base;
 //! [`limits`] that these go beyond are lifted; `sparse` fills in what the loops were given where a log has not every cycle; [`floor`] finds the noise, a `process`, in
 //! [`repeats`], of each of which [`mod@repeat`] says what comes again, as the `laps` of a run do, and `counts` what no encoder resolves, of which `counted` tells what the loops answer; [`forward`] runs the machine file from the command alone and [`controller`] its loops alone; [`fit`] fits a
 //! [`model`] in closed loop to a [`problem`], by its derivatives ([`linear`]), first where the axis is `moving` and then where the model
@@ -19,6 +20,7 @@
 
 mod along;
 pub mod analysis;
+pub mod asked;
 pub mod behind;
 mod blocks;
 mod bursts;

@@ -50,15 +50,35 @@ const DEEPER: f64 = 0.998;
 /// An effect of whose gain the base makes so much by itself, once it has been led out of its valley, is asked for again from there.
 const OF_BASE: f64 = 0.4;
 
-/// Names what an axis lacks; `progress` is told what is being done. With it the runs as they were weighed in the end.
+/// The base that a search begins with.
+pub struct Base<'m> {
+    /// As the machine file has it, with what nearly every axis has.
+    filed: Model,
+    /// The runs, where rows count by how straight the fitted one is about them.
+    problem: Problem<'m>,
+    /// It is fitted coarsely.
+    pub(super) coarse: Fitted,
+    /// Where rows in motion led.
+    led: Model,
+}
+
+impl<'m> Base<'m> {
+    /// Of a machine file, fitted to runs; `progress` is told what is being done.
+    pub fn of(as_it_is: &Problem<'m>, start: &Model, progress: &(dyn Fn(&str) + Sync)) -> Self {
+        progress("fitting the base model");
+        let filed = usual::with(start);
+        let (problem, coarse, led) = coarsely(as_it_is, &filed);
+        Self { filed, problem, coarse, led }
+    }
+}
+
+/// Names what an axis lacks beside its base; `progress` is told what is being done. With it the runs as they were weighed in the
+/// end.
 pub fn name<'m>(
     as_it_is: &Problem<'m>,
-    start: &Model,
+    Base { filed, mut problem, mut coarse, led }: Base<'m>,
     progress: &(dyn Fn(&str) + Sync),
 ) -> (Named, Problem<'m>) {
-    progress("fitting the base model");
-    let filed = usual::with(start);
-    let (mut problem, mut coarse, led) = coarsely(as_it_is, &filed);
     // What has one valley and was led by no stick and slip is where other ways begin.
     let (start, usual) = (&led, led.effects.len());
     let clocks_behind_s = clocks::behind_s(&problem, &coarse.model);
