@@ -7,6 +7,7 @@
 //! Invariant: with effects that do nothing, a step is that of the base model, to the bit.
 
 use super::super::body::Body;
+use super::super::friction::Law;
 use super::super::maps::{Map, Motion, StepMaps};
 use super::acting::{Acting, Remembered};
 use super::hooks::{Instant, Pace};
@@ -166,13 +167,12 @@ impl Acting {
         loads
     }
 
-    /// What is remembered after a step.
-    fn advanced(&self, body: &Body, maps: &StepMaps, from: &Instant, to: &Instant) -> Remembered {
-        let mut all = body.remembered;
+    /// What is remembered, after a step.
+    fn advance(&self, all: &mut Remembered, law: &Law, length_s: f64, from: &Instant, to: &Instant) {
         all.time_s = to.time_s;
         for forced in &self.forces {
             if let Some(number) = forced.memory {
-                forced.force.advance(&mut all.forces[number], from, to, maps.length_s);
+                forced.force.advance(&mut all.forces[number], from, to, length_s);
             }
         }
         if let Some(bristles) = &self.bristles {
@@ -183,30 +183,23 @@ impl Acting {
                 0.5 * (from.table_m_per_s + to.table_m_per_s).abs()
             };
             let rubbing = Instant { speed_m_per_s, side, ..*to };
-            let sliding_n = self.friction_n(body.law.magnitude_n(speed_m_per_s), &rubbing);
-            all.bristles_n = bristles.moved(all.bristles_n, sliding_n, to.table_m - from.table_m);
+            let sliding_n = self.friction_n(law.magnitude_n(speed_m_per_s), &rubbing);
+            bristles.move_by(&mut all.bristles_n, sliding_n, to.table_m - from.table_m);
         }
-        all
     }
 
-    /// The state after one step by a map, and what is remembered then; nothing where that is what was before, but for the time.
+    /// Both ends of a step by a map.
     // Most effects remember nothing, and copies of it would be a tenth of their steps.
     #[inline(always)]
-    fn carried(
-        &self,
-        body: &Body,
-        maps: &StepMaps,
-        map: &Map,
-        command_n: f64,
-    ) -> (Motion, Option<Remembered>) {
+    fn carried(&self, body: &Body, maps: &StepMaps, map: &Map, command_n: f64) -> (Instant, Motion) {
         let from = self.instant(body, maps.screw(), &body.motion, body.remembered.time_s);
-        let end_s = from.time_s + maps.length_s;
         let start = self.loads(body, maps, &from, &body.remembered);
         let mut end = map.apply_loaded(&body.motion, command_n, start.motor_n, start.table_n);
-        let predicted = self.instant(body, maps.screw(), &end, end_s);
-        let remembers = self.remembers();
-        let last = if remembers {
-            self.loads(body, maps, &predicted, &self.advanced(body, maps, &from, &predicted))
+        let predicted = self.instant(body, maps.screw(), &end, from.time_s + maps.length_s);
+        let last = if self.remembers() {
+            let mut then = body.remembered;
+            self.advance(&mut then, &body.law, maps.length_s, &from, &predicted);
+            self.loads(body, maps, &predicted, &then)
         } else {
             self.loads(body, maps, &predicted, &body.remembered)
         };
@@ -215,11 +208,19 @@ impl Acting {
             0.5 * (last.motor_n - start.motor_n),
             0.5 * (last.table_n - start.table_n),
         );
-        if !remembers {
-            return (end, None);
-        }
-        let to = self.instant(body, maps.screw(), &end, end_s);
-        (end, Some(self.advanced(body, maps, &from, &to)))
+        (from, end)
+    }
+
+    /// What is remembered where a step has come from one instant to this motion; nothing where that is what was before, but for the
+    /// time.
+    #[inline(always)]
+    fn then(&self, body: &Body, maps: &StepMaps, from: &Instant, end: &Motion) -> Option<Remembered> {
+        self.remembers().then(|| {
+            let to = self.instant(body, maps.screw(), end, from.time_s + maps.length_s);
+            let mut then = body.remembered;
+            self.advance(&mut then, &body.law, maps.length_s, from, &to);
+            then
+        })
     }
 }
 
@@ -256,7 +257,8 @@ impl Stepping for Acting {
     fn span(&self, body: &mut Body, maps: &StepMaps, command_n: f64) -> bool {
         let stands = body.slide == 0.0 && self.bristles.is_none();
         let map = if stands { &maps.stick } else { &maps.slip };
-        let (end, remembered) = self.carried(body, maps, map, command_n);
+        let (from, end) = self.carried(body, maps, map, command_n);
+        let remembered = self.then(body, maps, &from, &end);
         let goes_on = if stands {
             let begins_s = body.remembered.time_s;
             let then = remembered.as_ref().unwrap_or(&body.remembered);
@@ -282,8 +284,14 @@ impl Stepping for Acting {
     fn moved(&self, body: &mut Body, maps: &StepMaps, command_n: f64) -> bool {
         let is_free = body.slide != 0.0 || self.bristles.is_some();
         let map = if is_free { &maps.slip } else { &maps.stick };
-        let (end, remembered) = self.carried(body, maps, map, command_n);
-        body.is_at(end, remembered, maps.length_s);
+        let (from, end) = self.carried(body, maps, map, command_n);
+        if self.remembers() {
+            let to = self.instant(body, maps.screw(), &end, from.time_s + maps.length_s);
+            self.advance(&mut body.remembered, &body.law, maps.length_s, &from, &to);
+        } else {
+            body.remembered.time_s += maps.length_s;
+        }
+        body.motion = end;
         if self.bristles.is_some() {
             // Bristles hold it by their force.
             body.slide = body.motion[2].signum();
