@@ -10,11 +10,9 @@
 //! shaft, tells them apart.
 //! Invariant: once a turn, whatever the speed; no force.
 
-use std::f64::consts::TAU;
-
 use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
-use super::encoder_interpolation::Swing;
 use super::hooks::Action;
+use super::swing::Swing;
 
 pub(super) const ENTRY: Entry = Entry {
     name: "encoder-eccentricity",
@@ -26,10 +24,6 @@ pub(super) const ENTRY: Entry = Entry {
     aliases: &["pitch-error"],
     law_of: None,
     action: Action::MotorEncoder(|values, axis| {
-        Box::new(Swing {
-            amplitude_m: 1e-6 * values[0],
-            rad_per_m: TAU / axis.mechanics.lead_m,
-            phase_rad: values[1].to_radians(),
-        })
+        Box::new(Swing::new(1e-6 * values[0], axis.mechanics.lead_m, values[1]))
     }),
 };

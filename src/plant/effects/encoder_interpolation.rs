@@ -9,11 +9,10 @@
 //! 4.9 um.
 //! Invariant: a function of the place alone; no force.
 
-use std::f64::consts::TAU;
-
 use super::super::params::Parameters;
 use super::catalogue::{Coordinate, Entry, Experiment, Parameter, Values};
 use super::hooks::{Action, Reading};
+use super::swing::Swing;
 
 pub(super) const ENTRY: Entry = Entry {
     name: "encoder-interpolation",
@@ -60,23 +59,5 @@ pub(super) const SCALE_HARMONIC: Entry = Entry {
 };
 
 fn interpolation(values: &Values, _: &Parameters) -> Box<dyn Reading> {
-    Box::new(Swing {
-        amplitude_m: 1e-6 * values[0],
-        rad_per_m: TAU / (1e-6 * values[1]),
-        phase_rad: values[2].to_radians(),
-    })
-}
-
-/// An error that swings along the travel.
-#[derive(Debug)]
-pub(super) struct Swing {
-    pub(super) amplitude_m: f64,
-    pub(super) rad_per_m: f64,
-    pub(super) phase_rad: f64,
-}
-
-impl Reading for Swing {
-    fn error_m(&self, place_m: f64, _time_s: f64) -> f64 {
-        self.amplitude_m * libm::sin(place_m * self.rad_per_m + self.phase_rad)
-    }
+    Box::new(Swing::new(1e-6 * values[0], 1e-6 * values[1], values[2]))
 }

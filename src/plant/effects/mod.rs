@@ -9,7 +9,7 @@
 //!
 //! An [`Entry`] says what the file may hold, what a search may take for granted, and how the effect takes part:
 //! as another value of a parameter of the base model, as friction, as a force, or in what a sensor shows. A new
-//! effect is a file with its `ENTRY`, and its name in the list below.
+//! effect is a file with its `ENTRY`, and its name in the list below; what several share is beside them (`swing`).
 //! Invariant: an effect whose first value is zero is absent: it costs nothing and changes no bit.
 
 pub(in crate::plant) mod acting;
@@ -17,6 +17,7 @@ mod catalogue;
 pub mod control;
 mod hooks;
 pub(in crate::plant) mod step;
+mod swing;
 
 mod viscous_friction;
 mod quadratic_drag;

@@ -8,10 +8,9 @@
 //! its own.
 //! Invariant: a function of the angle alone, so conservative.
 
-use std::f64::consts::TAU;
-
 use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
 use super::hooks::{Action, Force, Instant, Memory, Pace};
+use super::swing::Swing;
 
 pub(super) const ENTRY: Entry = Entry {
     name: "motor-cogging",
@@ -27,11 +26,8 @@ pub(super) const ENTRY: Entry = Entry {
     aliases: &[],
     law_of: None,
     action: Action::Force(|values, axis| {
-        Box::new(Cogging {
-            amplitude_n: values[0] * axis.mechanics.force_per_torque(),
-            rad_per_m: values[1] * TAU / axis.mechanics.lead_m,
-            phase_rad: values[2].to_radians(),
-        })
+        let period_m = axis.mechanics.lead_m / values[1];
+        Box::new(Cogging(Swing::new(values[0] * axis.mechanics.force_per_torque(), period_m, values[2])))
     }),
 };
 
@@ -42,19 +38,16 @@ pub(super) const HARMONIC: Entry = Entry {
     ..ENTRY
 };
 
+/// Of a force, N.
 #[derive(Debug)]
-struct Cogging {
-    amplitude_n: f64,
-    rad_per_m: f64,
-    phase_rad: f64,
-}
+struct Cogging(Swing);
 
 impl Force for Cogging {
     fn pace(&self, motor_m_per_s: f64) -> Pace {
-        Pace::of_force(self.rad_per_m * motor_m_per_s.abs() / TAU)
+        self.0.pace(motor_m_per_s)
     }
 
     fn on_motor_n(&self, at: &Instant, _memory: &Memory) -> f64 {
-        self.amplitude_n * libm::sin(at.motor_m * self.rad_per_m + self.phase_rad)
+        self.0.at(at.motor_m)
     }
 }

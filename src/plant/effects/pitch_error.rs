@@ -9,11 +9,9 @@
 //! A further harmonic has values of its own.
 //! Invariant: a function of the place alone; no force.
 
-use std::f64::consts::TAU;
-
 use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
-use super::encoder_interpolation::Swing;
 use super::hooks::Action;
+use super::swing::Swing;
 
 pub(super) const ENTRY: Entry = Entry {
     name: "pitch-error",
@@ -29,11 +27,7 @@ pub(super) const ENTRY: Entry = Entry {
     aliases: &["encoder-eccentricity"],
     law_of: None,
     action: Action::TableScale(|values, _| {
-        Box::new(Swing {
-            amplitude_m: 1e-6 * values[0],
-            rad_per_m: TAU / (1e-3 * values[1]),
-            phase_rad: values[2].to_radians(),
-        })
+        Box::new(Swing::new(1e-6 * values[0], 1e-3 * values[1], values[2]))
     }),
 };
 

@@ -7,11 +7,9 @@
 //! The slope is nominal where the axis stood at its start. What swings with the turn of the screw is its ripple.
 //! Invariant: the friction is never negative.
 
-use std::f64::consts::TAU;
-
 use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
 use super::hooks::{Action, Friction, Instant};
-use super::screw_ripple::Swinging;
+use super::swing::Swing;
 
 pub(super) const ENTRY: Entry = Entry {
     name: "position-dependent-friction",
@@ -35,7 +33,9 @@ pub(super) const WAVE: Entry = Entry {
         Parameter::PHASE,
     ],
     law_of: Some("position-dependent-friction"),
-    action: Action::Friction(|values, _| Box::new(Wave(Swinging::new(TAU / (1e-3 * values[1]), values)))),
+    action: Action::Friction(|values, _| {
+        Box::new(Wave(Swing::new(1e-2 * values[0], 1e-3 * values[1], values[2])))
+    }),
     ..ENTRY
 };
 
@@ -68,11 +68,11 @@ impl Friction for Slope {
 }
 
 #[derive(Debug)]
-struct Wave(Swinging);
+struct Wave(Swing);
 
 impl Friction for Wave {
     fn factor(&self, at: &Instant) -> f64 {
-        self.0.factor(at.table_m)
+        1.0 + self.0.at(at.table_m)
     }
 }
 

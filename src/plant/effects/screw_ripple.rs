@@ -10,11 +10,10 @@
 //! values of its own. Real screws also have a share that grows with preload.
 //! Invariant: the factor is never negative, so friction only ever takes energy.
 
-use std::f64::consts::TAU;
-
 use super::super::params::Parameters;
 use super::catalogue::{Coordinate, Entry, Experiment, Parameter, Values};
 use super::hooks::{Action, Friction, Instant};
+use super::swing::Swing;
 
 pub(super) const ENTRY: Entry = Entry {
     name: "screw-ripple",
@@ -41,40 +40,24 @@ pub(super) const HARMONIC: Entry = Entry {
 
 /// A ripple of this share, so many periods in a turn and this phase.
 pub(super) fn ripple(values: &Values, axis: &Parameters) -> Box<dyn Friction> {
-    Box::new(Ripple(Swinging::new(values[1] * TAU / axis.mechanics.lead_m, values)))
+    let period_m = axis.mechanics.lead_m / values[1];
+    Box::new(Ripple(Swing::new(1e-2 * values[0], period_m, values[2])))
 }
 
 /// Friction that swings with the angle of the screw.
 #[derive(Debug)]
-struct Ripple(Swinging);
+struct Ripple(Swing);
 
 impl Friction for Ripple {
     fn factor(&self, at: &Instant) -> f64 {
-        self.0.factor(at.motor_m)
-    }
-}
-
-/// A friction that swings along a way, with its divisions done.
-#[derive(Debug)]
-pub(super) struct Swinging {
-    share: f64,
-    rad_per_m: f64,
-    phase_rad: f64,
-}
-
-impl Swinging {
-    /// With the share and the phase of these values.
-    pub(super) fn new(rad_per_m: f64, values: &Values) -> Self {
-        Self { share: 1e-2 * values[0], rad_per_m, phase_rad: values[2].to_radians() }
-    }
-
-    pub(super) fn factor(&self, place_m: f64) -> f64 {
-        1.0 + self.share * libm::sin(place_m * self.rad_per_m + self.phase_rad)
+        1.0 + self.0.at(at.motor_m)
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::TAU;
+
     use super::super::super::tests::paper_axis;
     use super::*;
     use crate::base::time::Span;

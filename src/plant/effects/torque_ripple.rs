@@ -7,10 +7,9 @@
 //! Grows with the current, which cogging does not. A further harmonic has values of its own.
 //! Invariant: nothing without current.
 
-use std::f64::consts::TAU;
-
 use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
 use super::hooks::{Action, Force, Instant, Memory, Pace};
+use super::swing::Swing;
 
 pub(super) const ENTRY: Entry = Entry {
     name: "torque-ripple",
@@ -26,11 +25,8 @@ pub(super) const ENTRY: Entry = Entry {
     aliases: &[],
     law_of: None,
     action: Action::Force(|values, axis| {
-        Box::new(TorqueRipple {
-            share: 1e-2 * values[0],
-            rad_per_m: values[1] * TAU / axis.mechanics.lead_m,
-            phase_rad: values[2].to_radians(),
-        })
+        let period_m = axis.mechanics.lead_m / values[1];
+        Box::new(TorqueRipple(Swing::new(1e-2 * values[0], period_m, values[2])))
     }),
 };
 
@@ -41,19 +37,16 @@ pub(super) const HARMONIC: Entry = Entry {
     ..ENTRY
 };
 
+/// Of a share of the force of the drive.
 #[derive(Debug)]
-struct TorqueRipple {
-    share: f64,
-    rad_per_m: f64,
-    phase_rad: f64,
-}
+struct TorqueRipple(Swing);
 
 impl Force for TorqueRipple {
     fn pace(&self, motor_m_per_s: f64) -> Pace {
-        Pace::of_force(self.rad_per_m * motor_m_per_s.abs() / TAU)
+        self.0.pace(motor_m_per_s)
     }
 
     fn on_motor_n(&self, at: &Instant, _memory: &Memory) -> f64 {
-        self.share * at.drive_n * libm::sin(at.motor_m * self.rad_per_m + self.phase_rad)
+        at.drive_n * self.0.at(at.motor_m)
     }
 }
