@@ -30,6 +30,8 @@ const FURTHEST: f64 = 1.5;
 /// Most steps with the same derivatives, and the share of what the first gained that makes another one worth it.
 const PASSES: usize = 6;
 const WORTH: f64 = 0.1;
+/// Share of what is enough to go on that a first one must promise: a step may gain somewhat more than derivatives say.
+const PROMISED: f64 = 0.5;
 /// Share of the rows that may be events of stick and slip: where more are beyond the knee of `ρ` the model is off. And by
 /// how much the knee must come nearer to make it another fit.
 const EVENTS: f64 = 0.01;
@@ -88,12 +90,28 @@ pub fn fit(problem: &Problem<'_>, start: &Model, effort: Effort, known: Option<&
     ending(problem, start, effort, known).0
 }
 
-/// The same, and whether it ended before its effort did: more of the same would gain nothing.
+/// A fitted model fitted to the bottom, by derivatives as narrow as it is known.
+pub(super) fn to_the_bottom(problem: &Problem<'_>, from: &Fitted) -> Fitted {
+    let steps = Steps::of(&from.model, &from.covariance);
+    by_steps(problem, &from.model, Effort::Fine, None, steps).0
+}
+
+/// The same as [`fit`], and whether it ended before its effort did: more of the same would gain nothing.
 pub(super) fn ending(
     problem: &Problem<'_>,
     start: &Model,
     effort: Effort,
     known: Option<&Linear>,
+) -> (Fitted, bool) {
+    by_steps(problem, start, effort, known, Steps::widest(start))
+}
+
+fn by_steps(
+    problem: &Problem<'_>,
+    start: &Model,
+    effort: Effort,
+    known: Option<&Linear>,
+    mut steps: Steps,
 ) -> (Fitted, bool) {
     let block = problem.rows_in(BLOCK_S);
     let rows = problem.count(Part::Fit).max(1) as f64;
@@ -103,9 +121,11 @@ pub(super) fn ending(
     };
     let mut model = start.clone();
     let mut damping = DAMPING.0;
-    let mut steps = Steps::widest(&model);
     let mut left = residuals(problem, &model, Part::Fit);
-    let half_a_unit = |total: f64| ENOUGH.1 * (total / rows).max(LEAST_PER_ROW);
+    let enough = |total: f64| match effort {
+        Effort::Coarse(_) => ENOUGH.0 * total,
+        Effort::Fine => ENOUGH.1 * (total / rows).max(LEAST_PER_ROW),
+    };
     // Far from the minimum all rows are far off: they count by their square until they are near.
     let mut knee = knee(&left);
     let mut covariance = DMatrix::zeros(model.coordinate_count(), model.coordinate_count());
@@ -128,6 +148,10 @@ pub(super) fn ending(
                 if effort == Effort::Fine {
                     steps = Steps::of(&model, &covariance);
                 }
+            }
+            // At a bottom nothing need be tried to know it.
+            if effort == Effort::Fine && pass == 0 && equations.promise() < PROMISED * enough(total) {
+                break;
             }
             let Some((other, other_left, other_total)) =
                 stepped(problem, &model, &equations, total, loss, &mut damping)
@@ -152,24 +176,16 @@ pub(super) fn ending(
             knee = nearer;
             continue;
         }
-        let is_over = match effort {
-            Effort::Coarse(_) => gained < ENOUGH.0 * total,
-            // What derivatives over wide steps do not gain, those over narrow ones may.
-            Effort::Fine => {
-                let is_little = gained < half_a_unit(total);
-                idle = if is_little { idle + 1 } else { 0 };
-                is_little && (was_fine || idle > IDLE)
-            }
-        };
+        let is_little = gained < enough(total);
+        idle = if is_little { idle + 1 } else { 0 };
+        // What derivatives over wide steps do not gain, those over narrow ones may.
+        let is_over = is_little && (effort != Effort::Fine || was_fine || idle > IDLE);
         if is_over {
             // A minimum among rough ones: another may lie along the valley.
-            let kicks = if effort == Effort::Fine && kicked < KICKED {
-                kicks(&model, &covariance)
-            } else {
-                Vec::new()
-            };
-            let deeper = best_of(problem, &kicks, loss)
-                .filter(|(.., other_total)| total - other_total >= half_a_unit(total));
+            let may_be_kicked = effort == Effort::Fine && kicked < KICKED;
+            let kicks = || best_of(problem, &kicks(&model, &covariance), loss);
+            let deeper = may_be_kicked.then(kicks).flatten();
+            let deeper = deeper.filter(|(.., other_total)| total - other_total >= enough(total));
             let Some((other, other_left, _)) = deeper else {
                 has_ended = true;
                 break;

@@ -336,6 +336,11 @@ impl Normal {
         sum
     }
 
+    /// By how much a step to where all is linear lowers the cost; without bound where no such place is known.
+    pub(super) fn promise(&self) -> f64 {
+        self.curvature.clone().cholesky().map_or(f64::INFINITY, |of| self.slope.dot(&of.solve(&self.slope)))
+    }
+
     /// The same with what is believed of each coordinate beforehand.
     #[must_use]
     pub fn with_beliefs(mut self, model: &Model) -> Self {

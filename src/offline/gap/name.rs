@@ -14,7 +14,7 @@ use rayon::prelude::*;
 
 use super::blocks::Blocks;
 use super::clocks;
-use super::fit::{self, Effort, Fitted, believed, fit, total_of};
+use super::fit::{self, Effort, Fitted, believed, fit, to_the_bottom, total_of};
 use super::gates::{self, Candidate, Gate, tried};
 use super::linear::Linear;
 use super::little::without_little;
@@ -179,15 +179,14 @@ pub fn name<'m>(
         }
         progress(&format!("{best_name}: is it needed?"));
         // What is far was fitted by all ways already.
-        let to_the_bottom = |Candidate { fitted, .. }: &Candidate| {
+        let bottom_of = |Candidate { fitted, .. }: &Candidate| {
             if is_first && !is_far(fitted, at) {
                 refitted(&problem, &once, &fitted.model, start)
             } else {
-                fit(&problem, &fitted.model, Effort::Fine, None)
+                to_the_bottom(&problem, fitted)
             }
         };
-        let Near { mut class, model: bottom, told_apart } =
-            Near::of((near, least), &to_the_bottom, &model, rows);
+        let Near { mut class, model: bottom, told_apart } = Near::of((near, least), &bottom_of, &model, rows);
         let best = class[0].clone();
         let next = rest.first().or(refused.first());
         let runner_up = told_apart.or(next.map(|next| RunnerUp {
@@ -249,7 +248,7 @@ pub fn name<'m>(
             model = if is_first {
                 refitted(&problem, &once, &model.model, start)
             } else {
-                fit(&problem, &model.model, Effort::Fine, None)
+                to_the_bottom(&problem, &model)
             };
             // The base had gone far to make up for it, and stands in no valley that it would find with the effect.
             if louder.is_some() || before.model.has_gone_far() {
@@ -286,7 +285,7 @@ pub fn name<'m>(
         None if is_noise(&problem, &coarse) && !usual::may_be_named(&problem, &coarse, usual) => {
             coarse.clone()
         }
-        None => fit(&problem, &coarse.model, Effort::Fine, None),
+        None => to_the_bottom(&problem, &coarse),
     };
     if effects.is_empty() {
         (model, blocks) = (base.clone(), Blocks::new(&problem, &base.model));

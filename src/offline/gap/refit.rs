@@ -4,7 +4,7 @@
 
 use rayon::prelude::*;
 
-use super::fit::{Effort, Fitted, LEAST_PER_ROW, fit, total_of};
+use super::fit::{Effort, Fitted, LEAST_PER_ROW, fit, to_the_bottom, total_of};
 use super::gates::PLAIN;
 use super::louder::{is_much_left, led_down};
 use super::model::Model;
@@ -38,11 +38,26 @@ pub(super) fn refitted(problem: &Problem<'_>, once: &Problem<'_>, model: &Model,
     fit(problem, &from_both(problem, once, model, start), Effort::Fine, None)
 }
 
+/// The same where it is known where a coarse fit from there ends.
+pub(super) fn refitted_from(problem: &Problem<'_>, once: &Problem<'_>, here: Model, start: &Model) -> Fitted {
+    let led = led_from(once, &here, start);
+    fit(problem, &deeper(problem, once, [here, led]), Effort::Fine, None)
+}
+
 /// A model fitted coarsely, from where it stands and from another base, by rows in motion and then by rows about which
 /// it is straight: a base that was fitted without the effect may stand in a valley of its own.
 fn from_both(problem: &Problem<'_>, once: &Problem<'_>, model: &Model, start: &Model) -> Model {
-    let of_start = Model { base: start.base, ..model.clone() };
-    let (here, led) = rayon::join(|| ended(once, model), || led_by_motion(once, &[of_start]));
+    let (here, led) = rayon::join(|| ended(once, model), || led_from(once, model, start));
+    deeper(problem, once, [here, led])
+}
+
+/// Where rows in motion lead the effects of a model from another base.
+fn led_from(once: &Problem<'_>, model: &Model, start: &Model) -> Model {
+    led_by_motion(once, &[Model { base: start.base, ..model.clone() }])
+}
+
+/// The deeper of two models, of which the second is where rows in motion led.
+fn deeper(problem: &Problem<'_>, once: &Problem<'_>, [here, led]: [Model; 2]) -> Model {
     // What is no deeper in motion has only valleys of stick and slip to offer, which hang on chance.
     let is_same = once.in_motion(&here).is_some_and(|moving| {
         let [own, other] = [&here, &led].map(|model| total_of(&moving, model));
@@ -207,7 +222,7 @@ pub(super) fn another_way<'m>(
 pub(super) fn anew<'m>(problem: &Problem<'m>, model: &Model, filed: &Model) -> (Problem<'m>, Fitted) {
     let begun = Model { base: filed.base, ..model.clone() };
     let (near, coarse, _) = coarsely(problem, &led_down(&problem.first_passes(), &begun));
-    let fitted = fit(&near, &coarse.model, Effort::Fine, None);
+    let fitted = to_the_bottom(&near, &coarse);
     (near, fitted)
 }
 

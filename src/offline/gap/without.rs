@@ -12,7 +12,7 @@ use super::judged;
 use super::louder::Louder;
 use super::model::Model;
 use super::problem::{Part, Problem};
-use super::refit::{PLAINLY, base_refitted, ended, refitted, scale};
+use super::refit::{PLAINLY, base_refitted, ended, refitted_from, scale};
 
 /// What is needed explains so many times as much as ends of the base without it differ by: another of its valleys would do the
 /// same.
@@ -62,9 +62,10 @@ impl Without {
                 found
             }
         } else {
-            let near = fit(problem, &ended(once, &without), Effort::Coarse(0), None);
+            let here = ended(once, &without);
+            let near = fit(problem, &here, Effort::Coarse(0), None);
             let is_plain = near.total > PLAINLY * model.total;
-            (if is_plain { near } else { refitted(problem, once, &without, start) }, 0.0)
+            (if is_plain { near } else { refitted_from(problem, once, here, start) }, 0.0)
         };
         Self { blocks: Blocks::new(problem, &fitted.model), fitted, rough }
     }
