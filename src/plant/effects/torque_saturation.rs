@@ -4,7 +4,8 @@
 //!   T = K_t i (1 - k |i|)
 //! ```
 //!
-//! Valid up to `|i| = 1 / 2k`, where the torque is at its most; from there on it stays.
+//! Valid up to `|i| = 1 / 2k`, where the torque is at its most; from there on it stays. A motor of 1 A may lose as much in each as one
+//! of 10 A in all.
 //! Invariant: the torque never falls while the current rises.
 
 use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
@@ -14,7 +15,7 @@ pub(super) const ENTRY: Entry = Entry {
     name: "torque-saturation",
     summary: "torque that falls behind the current",
     equation: "T = K_t i (1 - k |i|)",
-    parameters: &[Parameter::new("loss-percent-per-a", "%/A", [0.0, 5.0], 1.0, 1.0)],
+    parameters: &[Parameter::new("loss-percent-per-a", "%/A", [0.0, 50.0], 1.0, 1.0)],
     coordinate: Coordinate::Current,
     experiment: Experiment::Accelerations,
     aliases: &[],
