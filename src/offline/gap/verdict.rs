@@ -23,6 +23,8 @@ pub const PRACTICAL_UM: f64 = 0.1;
 /// Where what is left without a name has the power of noise, names must close this share of it.
 const PLAIN: f64 = 1.0;
 const CLOSED: f64 = 0.75;
+/// A gap that is so much more than noise, in units of its power, is made no wider by a name.
+const WIDE: f64 = 0.5;
 /// So many names come near anything, as a series does, and must close more of it: a cable chain was a pitch error, a stiffness and a
 /// friction that change along the axis, to 83 %.
 const MANY: usize = 3;
@@ -126,6 +128,13 @@ pub fn excess_of_all<'g>(gap: impl IntoIterator<Item = &'g SignalGap>) -> [f64; 
 pub(super) fn closes_little(gap: &[SignalGap]) -> bool {
     let [before, after] = excess_of_all(gap);
     after > (1.0 - CLOSED) * before
+}
+
+/// Whether what was named makes a plain gap on rows that it has not seen wider: rows that count by their changes may be led away from
+/// what is slow, as from a friction that falls for seconds where oil comes in.
+pub(super) fn widens(gap: &[SignalGap]) -> bool {
+    let [before, after] = excess_of_all(gap);
+    before > WIDE && after > before
 }
 
 /// An rms also counts what is slow, which passes do not repeat.
@@ -263,6 +272,10 @@ mod tests {
         // A friction that falls, with other events of stick and slip; a friction beside a tool that cuts.
         assert!(!closes_little(&gap(&[[3.5, 0.5], [8.0, 0.6], [4.2, 2.9]])));
         assert!(closes_little(&gap(&[[1.6, 1.6], [1.9, 1.6], [3.2, 2.9]])));
+        // A friction that fell for a while, by a friction that falls with the speed; a small pulse beside a drift.
+        assert!(widens(&gap(&[[0.8, 0.82], [1.36, 1.4]])));
+        assert!(!widens(&gap(&[[0.8, 0.82], [1.18, 1.2]])));
+        assert!(!widens(&gap(&[[0.8, 0.82], [1.4, 1.36]])));
     }
 
     #[test]
