@@ -7,6 +7,7 @@ use super::fit::Fitted;
 use super::gates::{Candidate, Gate};
 use super::model::Tried;
 use super::smallest::Smallest;
+use super::usual::is_usual;
 use crate::plant::effects::{CATALOGUE, Experiment, entry};
 
 /// What an axis lacks.
@@ -34,6 +35,12 @@ impl Named {
     /// Costs of the base and of all that was named on the rows that were not fitted.
     pub fn held(&self) -> [f64; 2] {
         self.blocks.each_ref().map(Blocks::cost)
+    }
+
+    /// How many of the effects were searched for, and not fitted with the base from the beginning.
+    pub(super) fn searched(&self) -> usize {
+        let is_usual = |name| entry(name).is_some_and(is_usual);
+        self.effects.iter().filter(|effect| !effect.members().any(is_usual)).count()
     }
 
     /// Takes back what was named: it passed every gate and explains too little all the same.

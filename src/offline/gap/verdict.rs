@@ -25,7 +25,7 @@ const PLAIN: f64 = 1.0;
 const CLOSED: f64 = 0.75;
 /// A gap that is so much more than noise, in units of its power, is made no wider by a name.
 const WIDE: f64 = 0.5;
-/// So many names come near anything, as a series does, and must close more of it: a cable chain was a pitch error, a stiffness and a
+/// So many names that were searched for come near anything, as a series does, and must close more of it: a cable chain was a pitch error, a stiffness and a
 /// friction that change along the axis, to 83 %.
 const MANY: usize = 3;
 const CLOSED_BY_MANY: f64 = 0.9;
@@ -160,7 +160,7 @@ pub(super) fn explains_too_little(problem: &Problem<'_>, named: &Named) -> bool 
     // Somebody may have leaned on the table.
     blocks.sort_by(|a, b| a[1].total_cmp(&b[1]));
     blocks.truncate(blocks.len() - (LEANED * blocks.len() as f64).ceil() as usize);
-    leaves_much(&blocks, named.effects.len())
+    leaves_much(&blocks, named.searched())
 }
 
 /// Whether so many names leave much, by the power of blocks before and after.
