@@ -420,6 +420,19 @@ mod tests {
     }
 
     #[test]
+    fn a_step_promises_what_it_gains_where_all_is_linear() {
+        let (residual, column): (Residual, Residual) = (vec![vec![3.0; 100]], vec![vec![2.0; 100]]);
+        let promise = |columns: &[Option<&Residual>]| {
+            let equations = Normal::of(&residual, columns, 10, Loss::LAST);
+            [equations.cost, equations.promise()]
+        };
+        let [cost, promised] = promise(&[Some(&column)]);
+        assert!((promised - cost).abs() < 1e-9 && cost == 900.0, "{promised} of {cost}");
+        // Nobody knows where a step leads that nothing holds back.
+        assert_eq!(promise(&[Some(&column), None])[1], f64::INFINITY);
+    }
+
+    #[test]
     fn runs_that_disagree_make_a_coordinate_less_sure() {
         let column: Residual = vec![vec![1.0; 1_000]];
         let run = |by: f64| {

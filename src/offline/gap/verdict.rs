@@ -25,8 +25,8 @@ const PLAIN: f64 = 1.0;
 const CLOSED: f64 = 0.75;
 /// A gap that is so much more than noise, in units of its power, is made no wider by a name.
 const WIDE: f64 = 0.5;
-/// So many names that were searched for come near anything, as a series does, and must close more of it: a cable chain was a pitch error, a stiffness and a
-/// friction that change along the axis, to 83 %.
+/// So many names that were searched for come near anything, as a series does, and must close more of it: a cable chain was a
+/// pitch error, a stiffness and a friction that change along the axis, to 83 %.
 const MANY: usize = 3;
 const CLOSED_BY_MANY: f64 = 0.9;
 /// Share of what names explain that may be left in a shape: their equations may be off by as much.
