@@ -170,10 +170,11 @@ pub fn list(choice: &Choice) -> Vec<Plan> {
     let machines: Vec<u64> =
         (0..choice.machines).map(|n| choice.seed.wrapping_mul(1_000_003) * 6 + n).collect();
     let mut plans = Vec::new();
-    for (m, machine) in machines.iter().enumerate() {
-        for (n, (kind, name)) in NAMES.iter().enumerate() {
-            for (s, severity) in Severity::ALL.into_iter().enumerate() {
-                if ((n + 2 * s + m) as u64).is_multiple_of(choice.share) {
+    for (n, (kind, name)) in NAMES.iter().enumerate() {
+        for (s, severity) in Severity::ALL.into_iter().enumerate() {
+            for (m, machine) in machines.iter().enumerate() {
+                let number = (n * Severity::ALL.len() + s) * machines.len() + m;
+                if (number as u64).is_multiple_of(choice.share) {
                     let id = format!("m{m}-{name}-{}", severity.name());
                     let what = vec![What::Named(*kind)];
                     plans.push(plan(choice, id, *machine, Role::Single, what, Some(severity)));
