@@ -21,6 +21,7 @@ use quadrant::rt::door::Records;
 use quadrant::sim::closed_loop::Wired;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
+use rayon::prelude::*;
 use rstest::rstest;
 
 /// Collects lines as a log would give them.
@@ -172,32 +173,42 @@ fn drawn(seed: u64) -> Machine {
     other
 }
 
+/// Whether the interval of each parameter contains the truth, of the axis of a seed.
+fn contained(reference: &Machine, seed: u64) -> Vec<(&'static str, bool)> {
+    let other = drawn(seed);
+    let truth = other.axes[X].plant;
+    let findings = respond(reference, &observed(reference, "standard", &other, seed, 0)).findings;
+    let is_inside = |(name, value): (&'static str, f64)| {
+        let estimate = findings[name].estimate().unwrap_or_else(|| panic!("{name}: {:?}", findings[name]));
+        let [low, high] = estimate.ci95;
+        let is_inside = (low..=high).contains(&value);
+        if !is_inside {
+            println!("axis {seed}, {name}: {value} not in {low} to {high}");
+        }
+        (name, is_inside)
+    };
+    let truths = [
+        ("total_inertia", truth.mechanics.total_inertia_kg_m2()),
+        ("motor_inertia", truth.mechanics.inertia_kg_m2),
+        ("mass", truth.mechanics.mass_kg),
+        ("stiffness", truth.mechanics.stiffness_n_per_m * 1e-6),
+        ("damping", truth.mechanics.damping_n_s_per_m * 1e-3),
+        ("current_loop", truth.actuator.current_loop_hz),
+        ("command_delay", 500.0),
+    ];
+    truths.map(is_inside).into()
+}
+
 /// A few here; `.ci/run` draws a hundred.
 #[test]
 fn intervals_contain_the_truth() {
     let reference = machine("reference");
     let axes = std::env::var("QUADRANT_RANDOM_AXES").ok().and_then(|count| count.parse().ok()).unwrap_or(4);
+    let of_axes: Vec<Vec<(&str, bool)>> =
+        (0..axes).into_par_iter().map(|seed| contained(&reference, seed)).collect();
     let mut inside = std::collections::BTreeMap::<&str, u64>::new();
-    for seed in 0..axes {
-        let other = drawn(seed);
-        let truth = other.axes[X].plant;
-        let found = respond(&reference, &observed(&reference, "standard", &other, seed, 0)).findings;
-        for (name, value) in [
-            ("total_inertia", truth.mechanics.total_inertia_kg_m2()),
-            ("motor_inertia", truth.mechanics.inertia_kg_m2),
-            ("mass", truth.mechanics.mass_kg),
-            ("stiffness", truth.mechanics.stiffness_n_per_m * 1e-6),
-            ("damping", truth.mechanics.damping_n_s_per_m * 1e-3),
-            ("current_loop", truth.actuator.current_loop_hz),
-            ("command_delay", 500.0),
-        ] {
-            let estimate = found[name].estimate().unwrap_or_else(|| panic!("{name}: {:?}", found[name]));
-            let [low, high] = estimate.ci95;
-            *inside.entry(name).or_default() += u64::from((low..=high).contains(&value));
-            if !(low..=high).contains(&value) {
-                println!("axis {seed}, {name}: {value} not in {low} to {high}");
-            }
-        }
+    for (name, is_inside) in of_axes.into_iter().flatten() {
+        *inside.entry(name).or_default() += u64::from(is_inside);
     }
     println!("of {axes}: {inside:?}");
     for (name, count) in inside {
