@@ -36,8 +36,8 @@ const PROMISED: f64 = 0.5;
 /// how much the knee must come nearer to make it another fit.
 const EVENTS: f64 = 0.01;
 const NEARER: f64 = 0.95;
-/// A coarse fit ends with an iteration that gains less than this share of the cost, a fine one with half a unit of
-/// the logarithm of probability: the cost has two.
+/// A coarse fit ends with an iteration that gains less than this share of the cost, as that judges ([`LEAST_PER_ROW`]), a
+/// fine one with half a unit of the logarithm of probability: the cost has two.
 const ENOUGH: (f64, f64) = (1e-4, 1.0);
 /// Less than this is never left per row, in units of the floor: a floor that counts what an encoder hides twice is too
 /// high, but not by more.
@@ -123,7 +123,7 @@ fn by_steps(
     let mut damping = DAMPING.0;
     let mut left = residuals(problem, &model, Part::Fit);
     let enough = |total: f64| match effort {
-        Effort::Coarse(_) => ENOUGH.0 * total,
+        Effort::Coarse(_) => ENOUGH.0 * total.max(LEAST_PER_ROW * rows),
         Effort::Fine => ENOUGH.1 * (total / rows).max(LEAST_PER_ROW),
     };
     // Far from the minimum all rows are far off: they count by their square until they are near.

@@ -132,12 +132,12 @@ pub(super) fn base_refitted(
         let fitted = fit(problem, &ends[0].1, Effort::Coarse(ITERATIONS[1]), None);
         return (fitted, 0.0);
     }
-    let to_the_bottom = |(_, model): &(f64, Model)| fit(problem, model, Effort::Fine, None);
-    let (deeper, apart) = (to_the_bottom(&ends[0]), ends[1].0 - ends[0].0);
+    let bottom_of = |(_, model): &(f64, Model)| fit(problem, model, Effort::Fine, None);
+    let (deeper, apart) = (bottom_of(&ends[0]), ends[1].0 - ends[0].0);
     if !matters(&deeper, apart) {
         return (deeper, apart);
     }
-    let other = to_the_bottom(&ends[1]);
+    let other = bottom_of(&ends[1]);
     let apart = (other.total - deeper.total).abs();
     (if other.total < deeper.total { other } else { deeper }, apart)
 }
