@@ -1,6 +1,7 @@
 //! Which cases there are: every name on every machine at three severities, and those that nobody should name.
 //!
-//! A share of them is a fixed one that has all of its kinds in it: the cases are dealt out like cards.
+//! A share of them is a fixed one that has all of its kinds in it, the cases being dealt out like cards; but not where 2 or 3
+//! divides it: each name has three severities on six machines, and the same ones would be drawn of each.
 //! Invariant: the same choice gives the same list.
 
 use rand::RngExt;
@@ -152,7 +153,7 @@ pub struct Choice {
     /// How runs are recorded and delivered; of several one is drawn for each case
     #[arg(long, value_enum, value_delimiter = ',', default_value = "apart")]
     pub form: Vec<Form>,
-    /// A fixed part of them, as 1/5
+    /// A fixed part of them, as 1/5; with a number that 2 or 3 divides, some machines and severities are left out
     #[arg(long, default_value = "1/1", value_parser = one_in)]
     pub share: u64,
 }
