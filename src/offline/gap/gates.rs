@@ -245,12 +245,17 @@ pub(super) fn is_sure(problem: &Problem<'_>, fitted: &Fitted) -> bool {
         || judged::alone(problem, fitted, &telling).iter().any(|alone| alone.is_more_than(SURE, ALONE_SHARE))
 }
 
-/// The gate that the last effect of a model does not pass any more at its bottom: there it may go to a bound, and what rows that judge
-/// were sure of by themselves may be anything.
+/// The gate that the last effect of a model does not pass any more at its bottom: there it may go to a bound, or be so unsure of its
+/// size that its interval ends there, and what rows that judge were sure of by themselves may be anything.
 pub(super) fn lost_at(bottom: &Fitted) -> Option<Gate> {
     let last = bottom.model.effects.len() - 1;
     let is_sure = |amplitude: &usize| bottom.is_surely_not_zero(*amplitude, STAYS);
-    if bottom.model.is_at_bound(last) {
+    let intervals = bottom.effect(last);
+    let mut sizes = intervals.iter().zip(bottom.model.effects[last].entry.parameters);
+    let may_be_more = |((_, _, [_, high]), parameter): (&(_, _, [f64; 2]), &Parameter)| {
+        parameter.is_size() && !parameter.is_open() && *high >= parameter.bounds[1]
+    };
+    if bottom.model.is_at_bound(last) || sizes.any(may_be_more) {
         return Some(Gate::Bounds);
     }
     (!telling(&bottom.model, last).iter().any(is_sure)).then_some(Gate::Amplitude)
@@ -405,6 +410,27 @@ mod tests {
                 Candidate { fitted: fitted.clone(), held: 0.0, evidence: 0.0, failed: failed.to_vec() };
             assert_eq!(candidate.shows_something(), shows, "{failed:?}");
             assert_eq!(candidate.is_doubtful(), is_doubtful, "{failed:?}");
+        }
+    }
+
+    #[test]
+    fn a_size_whose_interval_ends_at_its_bound_is_none_that_the_data_chose() {
+        let model = Model::new(paper_axis());
+        let entry = entry("resonance").expect("an effect");
+        let base = model.coordinates().len();
+        // Hundredths of the mass, Hz, hundredths of critical.
+        for (mass, sigma, lost) in [
+            (73.0, 3.0, Some(Gate::Bounds)),
+            (73.0, 1.0, Some(Gate::Bounds)),
+            (65.0, 1.0, None),
+            (65.0, 20.0, Some(Gate::Bounds)),
+        ] {
+            let model = model.with(Tried { entry, values: [mass, 250.0, 8.0] });
+            let mut covariance = DMatrix::identity(base + 3, base + 3) * 1e-6;
+            let prior = entry.parameters[0].prior;
+            covariance[(base, base)] = (sigma / prior).powi(2);
+            let fitted = Fitted { model, cost: 0.0, total: 0.0, covariance };
+            assert_eq!(lost_at(&fitted), lost, "{mass} % ± {sigma}");
         }
     }
 

@@ -289,19 +289,17 @@ impl Model {
         model
     }
 
-    /// Effects that are at a bound other than zero: what is there is not what the data say. At the end of an exponent a law
-    /// has its limit.
+    /// Effects that are at a bound other than zero: what is there is not what the data say.
     pub fn is_at_bound(&self, place: usize) -> bool {
         let tried = &self.effects[place];
         tried.values.iter().zip(tried.entry.parameters).any(|(value, parameter)| {
             let [low, high] = parameter.bounds;
-            let is_open = parameter.unit == "deg" || parameter.key == "exponent";
             // A guide that gives way by less sticks.
             let is_open_below = parameter.key == "way-um";
             // A fit may end just before it.
             let near = AT_BOUND * (high - low);
             let is_low = *value <= low + near && low != 0.0 && !is_open_below;
-            !is_open && (is_low || *value >= high - near)
+            !parameter.is_open() && (is_low || *value >= high - near)
         })
     }
 }

@@ -142,8 +142,12 @@ impl Parameter {
         self
     }
 
-    /// Whether it says how large or how long something is, and not where it is or how often it comes, which is known by
-    /// counting.
+    /// Whether its bounds are no limit: an angle goes on at its other end, and at that of an exponent a law has its limit.
+    pub fn is_open(&self) -> bool {
+        self.unit == "deg" || self.key == "exponent"
+    }
+
+    /// Whether it says how large or how long something is, and not what counting tells: where it is, or how often it comes.
     pub fn is_size(&self) -> bool {
         self.swings_over.is_none() && !["deg", "mm"].contains(&self.unit)
     }
@@ -339,11 +343,8 @@ impl Effects {
 
     /// The values of an effect; its first is zero where it is absent.
     pub fn of(&self, entry: &Entry) -> Values {
-        CATALOGUE
-            .iter()
-            .zip(&self.values)
-            .find(|(own, _)| own.name == entry.name)
-            .map_or([0.0; 3], |(_, v)| *v)
+        let place = CATALOGUE.iter().position(|own| own.name == entry.name);
+        place.map_or([0.0; VALUES_MAX], |place| self.values[place])
     }
 
     /// What the control that moves the axis does otherwise.
