@@ -1,7 +1,8 @@
 //! Promise: a table scale has one zero for all runs wherever that is, and where somebody set it anew between them that is no
 //! effect of the machine; nor is a column that was cut off.
 
-use quadrant::offline::gap::linear::{Linear, Steps, residuals};
+use quadrant::offline::gap::linear::{Linear, residuals};
+use quadrant::offline::gap::steps::Steps;
 use quadrant::offline::gap::twin::BASE;
 use quadrant::offline::gap::zeros::Zeros;
 

@@ -17,8 +17,9 @@ use super::blocks::{Blocks, is_mostly_further};
 use super::fit::Fitted;
 use super::gates::FURTHER;
 use super::judged::Judged;
-use super::linear::{BLOCK_S, Linear, LinearRun, Loss, Normal, Steps, regular, residuals};
+use super::linear::{BLOCK_S, Linear, LinearRun, Loss, Normal, regular, residuals};
 use super::problem::{Part, Problem, Residual};
+use super::steps::Steps;
 
 /// Rows that judge do not show an amplitude that they leave unsure by more than this share of it, and which they
 /// put within so many standard deviations of what it is.

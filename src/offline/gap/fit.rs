@@ -17,9 +17,10 @@ use std::ops::Range;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::linear::{BLOCK_S, K, Linear, Loss, Normal, Steps, residuals};
+use super::linear::{BLOCK_S, K, Linear, Loss, Normal, residuals};
 use super::model::Model;
 use super::problem::{Part, Problem, Residual};
+use super::steps::Steps;
 use super::twin::BASE;
 use crate::plant::effects::Parameter;
 
@@ -137,7 +138,7 @@ fn by_steps(
         let before = total;
         let mut first_gain = 0.0;
         let mut was_fine = false;
-        // Derivatives cost the most: they serve for as long as they gain.
+        // Derivatives cost the most: they serve for as long as they gain, and learn from each step.
         for pass in 0..PASSES {
             let equations = linear.normal(block, loss).with_beliefs(&model);
             if pass == 0 {
@@ -159,8 +160,9 @@ fn by_steps(
                 break;
             };
             let gained = total - other_total;
+            let step = DVector::from(other.coordinates()) - DVector::from(model.coordinates());
             (model, total) = (other, other_total);
-            linear.leaves(other_left);
+            linear.after(&step, other_left, &steps);
             first_gain = f64::max(first_gain, gained);
             if gained < WORTH * first_gain {
                 break;

@@ -13,11 +13,12 @@ use rayon::prelude::*;
 
 use super::along::{Row, periods};
 use super::fit::share_that_holds;
-use super::linear::{Linear, Loss, Steps, residuals};
+use super::linear::{Linear, Loss, residuals};
 use super::locate::{Coordinates, coordinates, place_of};
 use super::model::Model;
 use super::problem::{Part, Problem, Residual};
 use super::rest::{Rest, Shows};
+use super::steps::Steps;
 use super::tones::tones;
 use crate::plant::effects::Coordinate;
 

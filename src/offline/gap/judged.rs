@@ -12,8 +12,9 @@
 use nalgebra::DMatrix;
 
 use super::fit::Fitted;
-use super::linear::{BLOCK_S, K, Linear, Loss, Steps, regular, residuals};
+use super::linear::{BLOCK_S, K, Linear, Loss, regular, residuals};
 use super::problem::{Part, Problem};
+use super::steps::Steps;
 
 /// Rows that judge want another amplitude where theirs is so many of its standard deviations, and such a share, away.
 const OTHER: f64 = 3.0;

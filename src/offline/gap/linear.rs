@@ -7,9 +7,7 @@
 //!
 //! Stick and slip are events: near a reversal rows jump where a model lands on another branch, and one event that comes
 //! at another moment would outvote minutes of motion. So rows beyond `K` standard deviations count by a bounded loss
-//! (the tail of Geman and McClure's), or where it is asked what could explain them by their size (Huber's). Derivatives
-//! are differences over a step as wide as what is not known of a coordinate: wide against the roughness of the events
-//! at first, and narrow where a coordinate is known well.
+//! (the tail of Geman and McClure's), or where it is asked what could explain them by their size (Huber's).
 //! Invariant: a coordinate that moves nothing has no column.
 
 use std::sync::Arc;
@@ -19,12 +17,11 @@ use rayon::prelude::*;
 
 use super::model::Model;
 use super::problem::{Part, Problem, Residual};
+use super::steps::Steps;
 use super::twin::{BASE, Base};
 
 /// Rows beyond this count by less than their square, in standard deviations.
 pub const K: f64 = 4.0;
-/// Widest step of a derivative and narrowest, in coordinates; and between them how many standard deviations.
-const STEP: (f64, f64, f64) = (0.04, 2e-4, 2.0);
 /// What is left is independent from block to block of this length, s: longer than anything a loop remembers.
 pub const BLOCK_S: f64 = 0.25;
 /// Fewer runs do not tell how much they differ.
@@ -107,30 +104,6 @@ impl LinearRun {
     }
 }
 
-/// Over which step each coordinate is differentiated.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Steps(Vec<f64>);
-
-impl Steps {
-    /// Where nothing is known yet.
-    pub fn widest(model: &Model) -> Self {
-        Self(model.widest_steps(STEP.0))
-    }
-
-    /// For coordinates of this covariance.
-    pub fn of(model: &Model, covariance: &DMatrix<f64>) -> Self {
-        let of = |(variance, widest): (&f64, f64)| {
-            (STEP.2 * variance.max(0.0).sqrt()).clamp(STEP.1.min(widest), widest)
-        };
-        Self(covariance.diagonal().iter().zip(model.widest_steps(STEP.0)).map(of).collect())
-    }
-
-    /// Whether they are as narrow as that asks for, or nearly.
-    pub fn is_fine_for(&self, model: &Model, covariance: &DMatrix<f64>) -> bool {
-        self.0.iter().zip(Self::of(model, covariance).0).all(|(own, wanted)| *own <= 3.0 * wanted)
-    }
-}
-
 /// A model with its derivatives.
 #[derive(Clone, Debug)]
 pub struct Linear {
@@ -168,7 +141,7 @@ impl Linear {
                     (place, part),
                     &residual,
                     coordinate,
-                    steps.0[coordinate],
+                    steps.of_coordinate(coordinate),
                 )
                 .map(Arc::new),
             };
