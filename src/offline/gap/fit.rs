@@ -28,7 +28,7 @@ use crate::plant::effects::Parameter;
 const DAMPING: (f64, f64, usize) = (1e-3, 6.0, 6);
 /// No step is further, in coordinates.
 const FURTHEST: f64 = 1.5;
-/// Most steps with the same derivatives, and the share of what the first gained that makes another one worth it; no less than what ends a fit.
+/// Most steps with the same derivatives, and the share of what the first gained that makes another one worth it.
 const PASSES: usize = 6;
 const WORTH: f64 = 0.1;
 /// Share of what is enough to go on that a first one must promise: a step may gain somewhat more than derivatives say.
@@ -164,7 +164,7 @@ fn by_steps(
             (model, total) = (other, other_total);
             linear.after(&step, other_left, &steps);
             first_gain = f64::max(first_gain, gained);
-            if gained < f64::max(WORTH * first_gain, enough(total)) {
+            if gained < WORTH * first_gain {
                 break;
             }
         }
