@@ -12,11 +12,9 @@
 //! where the residual is and comes nearer, and where a fine fit ends it looks along its valley for a deeper place.
 //! Invariant: a fit never ends worse than it began, at the knee it ends with.
 
-use std::ops::Range;
-
 use nalgebra::{DMatrix, DVector};
-use rayon::prelude::*;
 
+use super::kicks::{best_of, kicked_from};
 use super::linear::{BLOCK_S, K, Linear, Loss, Normal, residuals};
 use super::model::Model;
 use super::problem::{Part, Problem, Residual};
@@ -43,11 +41,8 @@ const ENOUGH: (f64, f64) = (1e-4, 1.0);
 /// Less than this is never left per row, in units of the floor: a floor that counts what an encoder hides twice is too
 /// high, but not by more.
 pub const LEAST_PER_ROW: f64 = 0.5;
-/// From where a fine fit ends it looks so many standard deviations away, and goes on from there at most so often.
-const KICKS: [f64; 4] = [-8.0, -2.5, 2.5, 8.0];
+/// From where a fine fit ends it looks along its valley, and goes on from there at most so often.
 const KICKED: usize = 2;
-/// Of a coordinate something is known within these standard deviations; one without any moves nothing.
-const KNOWN: Range<f64> = 1e-9..0.5;
 /// How often derivatives over narrower steps may gain nothing: where it is rough, they are never as narrow as they should be.
 const IDLE: usize = 2;
 /// Most iterations of a fine fit.
@@ -115,7 +110,7 @@ fn by_steps(
     mut steps: Steps,
 ) -> (Fitted, bool) {
     let block = problem.rows_in(BLOCK_S);
-    let rows = problem.count(Part::Fit).max(1) as f64;
+    let rows = problem.count(Part::Fit);
     let iterations = match effort {
         Effort::Coarse(iterations) => iterations,
         Effort::Fine => ITERATIONS_MAX,
@@ -124,8 +119,8 @@ fn by_steps(
     let mut damping = DAMPING.0;
     let mut left = residuals(problem, &model, Part::Fit);
     let enough = |total: f64| match effort {
-        Effort::Coarse(_) => ENOUGH.0 * total.max(LEAST_PER_ROW * rows),
-        Effort::Fine => ENOUGH.1 * (total / rows).max(LEAST_PER_ROW),
+        Effort::Coarse(_) => ENOUGH.0 * rows as f64 * scale(total, rows),
+        Effort::Fine => ENOUGH.1 * scale(total, rows),
     };
     // Far from the minimum all rows are far off: they count by their square until they are near.
     let mut knee = knee(&left);
@@ -162,11 +157,12 @@ fn by_steps(
             let gained = total - other_total;
             let step = DVector::from(other.coordinates()) - DVector::from(model.coordinates());
             (model, total) = (other, other_total);
-            linear.after(&step, other_left, &steps);
             first_gain = f64::max(first_gain, gained);
-            if gained < WORTH * first_gain {
+            if pass + 1 == PASSES || gained < WORTH * first_gain {
+                linear.leaves(other_left);
                 break;
             }
+            linear.after(&step, other_left, &steps);
         }
         left = linear.runs.into_iter().map(|run| run.residual).collect();
         let gained = before - total;
@@ -185,7 +181,7 @@ fn by_steps(
         if is_over {
             // A minimum among rough ones: another may lie along the valley.
             let may_be_kicked = effort == Effort::Fine && kicked < KICKED;
-            let kicks = || best_of(problem, &kicks(&model, &covariance), loss);
+            let kicks = || best_of(problem, &kicked_from(&model, &covariance), loss);
             let deeper = may_be_kicked.then(kicks).flatten();
             let deeper = deeper.filter(|(.., other_total)| total - other_total >= enough(total));
             let Some((other, other_left, _)) = deeper else {
@@ -202,6 +198,11 @@ fn by_steps(
     (Fitted { model, cost, total, covariance }, has_ended)
 }
 
+/// What is left per row.
+pub(super) fn scale(cost: f64, rows: usize) -> f64 {
+    (cost / rows.max(1) as f64).max(LEAST_PER_ROW)
+}
+
 /// What all rows are within but for [`EVENTS`], and never less than what judges.
 pub(super) fn knee(left: &[Residual]) -> f64 {
     // Rows that do not count are zero.
@@ -215,31 +216,13 @@ pub(super) fn knee(left: &[Residual]) -> f64 {
     knee.max(K)
 }
 
-/// Models some standard deviations of each coordinate away, the others moved as they follow it.
-fn kicks(model: &Model, covariance: &DMatrix<f64>) -> Vec<Model> {
-    let at = model.coordinates();
-    let moved = |coordinate: usize, by: f64| {
-        let sigma = covariance[(coordinate, coordinate)].sqrt();
-        let share = by / sigma;
-        let to: Vec<f64> =
-            at.iter().zip(covariance.column(coordinate).iter()).map(|(at, with)| at + share * with).collect();
-        model.at(&to)
-    };
-    known(covariance).flat_map(|coordinate| KICKS.map(|by| moved(coordinate, by))).collect()
-}
-
-/// Coordinates of a covariance of which more is known than before there were data.
-pub(super) fn known(covariance: &DMatrix<f64>) -> impl Iterator<Item = usize> {
-    (0..covariance.nrows()).filter(|place| KNOWN.contains(&covariance[(*place, *place)].sqrt()))
-}
-
 /// What a model costs of the rows it is fitted to, and by what is believed of it.
 pub fn total_of(problem: &Problem<'_>, model: &Model) -> f64 {
     left_by(problem, model, Loss::LAST).1
 }
 
 /// What a model leaves of all runs, and the total.
-fn left_by(problem: &Problem<'_>, model: &Model, loss: Loss) -> (Vec<Residual>, f64) {
+pub(super) fn left_by(problem: &Problem<'_>, model: &Model, loss: Loss) -> (Vec<Residual>, f64) {
     let left = residuals(problem, model, Part::Fit);
     let total = sum(&left, loss) + believed(model);
     (left, total)
@@ -247,18 +230,6 @@ fn left_by(problem: &Problem<'_>, model: &Model, loss: Loss) -> (Vec<Residual>, 
 
 fn sum(left: &[Residual], loss: Loss) -> f64 {
     left.iter().map(|run| loss.sum(run)).sum()
-}
-
-/// That of some models which leaves the least of the first passes, with what it leaves of all rows and the total.
-fn best_of(problem: &Problem<'_>, models: &[Model], loss: Loss) -> Option<(Model, Vec<Residual>, f64)> {
-    if models.is_empty() {
-        return None;
-    }
-    let once = problem.first_passes();
-    let totals: Vec<f64> = models.par_iter().map(|model| left_by(&once, model, loss).1).collect();
-    let best = (0..models.len()).min_by(|a, b| totals[*a].total_cmp(&totals[*b]))?;
-    let (left, total) = left_by(problem, &models[best], loss);
-    Some((models[best].clone(), left, total))
 }
 
 /// The step that equations ask for, damped until it gains: the model, what it leaves, and the total.
@@ -375,6 +346,16 @@ impl Fitted {
         let covariance = self.covariance.select_rows(&coordinates).select_columns(&coordinates);
         let effects = places.iter().map(|place| effects[*place]).collect();
         Self { model: Model { effects, ..self.model.clone() }, covariance, ..*self }
+    }
+
+    /// Whether the effect of a place is at a bound, or so unsure of a size that its interval ends at the upper one.
+    pub fn is_at_bound(&self, place: usize) -> bool {
+        let intervals = self.effect(place);
+        let mut sizes = intervals.iter().zip(self.model.effects[place].entry.parameters);
+        let may_be_more = |((_, _, [_, high]), parameter): (&(_, _, [f64; 2]), &Parameter)| {
+            parameter.is_size() && !parameter.is_open() && *high >= parameter.bounds[1]
+        };
+        self.model.is_at_bound(place) || sizes.any(may_be_more)
     }
 
     /// Key, value and 95 % interval of each parameter of the effect of a place in the list: of noise, and of what laws

@@ -13,14 +13,14 @@ use serde::Serialize;
 
 use super::blocks::Blocks;
 use super::crossed;
-use super::fit::{Effort, Fitted, fit};
+use super::fit::{Effort, Fitted, fit, scale};
 use super::judged::{self, Judged};
 use super::linear::Linear;
 use super::little::is_stick;
 use super::model::{Model, Tried};
 use super::nearby::costs_nearby;
 use super::problem::Problem;
-use super::refit::{ITERATIONS, is_far, scale};
+use super::refit::{ITERATIONS, is_far};
 use super::usual::is_usual;
 use crate::plant::effects::{CATALOGUE, Entry, Experiment, Parameter};
 
@@ -250,12 +250,7 @@ pub(super) fn is_sure(problem: &Problem<'_>, fitted: &Fitted) -> bool {
 pub(super) fn lost_at(bottom: &Fitted) -> Option<Gate> {
     let last = bottom.model.effects.len() - 1;
     let is_sure = |amplitude: &usize| bottom.is_surely_not_zero(*amplitude, STAYS);
-    let intervals = bottom.effect(last);
-    let mut sizes = intervals.iter().zip(bottom.model.effects[last].entry.parameters);
-    let may_be_more = |((_, _, [_, high]), parameter): (&(_, _, [f64; 2]), &Parameter)| {
-        parameter.is_size() && !parameter.is_open() && *high >= parameter.bounds[1]
-    };
-    if bottom.model.is_at_bound(last) || sizes.any(may_be_more) {
+    if bottom.is_at_bound(last) {
         return Some(Gate::Bounds);
     }
     (!telling(&bottom.model, last).iter().any(is_sure)).then_some(Gate::Amplitude)

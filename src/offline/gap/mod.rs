@@ -42,6 +42,7 @@ mod grid;
 mod held;
 pub mod intake;
 pub mod judged;
+mod kicks;
 mod laps;
 mod levels;
 pub mod limits;

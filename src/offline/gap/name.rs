@@ -14,7 +14,7 @@ use rayon::prelude::*;
 
 use super::blocks::Blocks;
 use super::clocks;
-use super::fit::{self, Effort, Fitted, believed, fit, to_the_bottom, total_of};
+use super::fit::{self, Effort, Fitted, believed, fit, scale, to_the_bottom, total_of};
 use super::gates::{self, Candidate, Gate, tried};
 use super::linear::Linear;
 use super::little::without_little;
@@ -25,7 +25,7 @@ use super::near::{Near, ROUGHLY, is_with_less, margin, price_of_a_number, weighe
 use super::problem::{Part, Problem};
 use super::refit::{
     ITERATIONS, about, anew, another_way, base_refitted, coarsely, coarsely_from, ended, is_far, is_noise,
-    refitted, scale, unsettled,
+    refitted, unsettled,
 };
 use super::shortlist::{Scored, shortlist};
 use super::spectrum::Peaks;
@@ -268,7 +268,7 @@ pub fn name<'m>(
     let mut place = 0;
     while effects.len() > 1 && place + 1 < effects.len() {
         let test = Without::of(&problem, &once, &model, usual + place, [start, &coarse.model]);
-        let is_at_bound = model.model.is_at_bound(usual + place);
+        let is_at_bound = model.is_at_bound(usual + place);
         if !is_at_bound && test.shows_need(&problem, &model, &blocks, usual + place) {
             place += 1;
         } else {

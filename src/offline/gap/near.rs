@@ -4,11 +4,10 @@
 
 use rayon::prelude::*;
 
-use super::fit::Fitted;
+use super::fit::{Fitted, scale};
 use super::gates::{Candidate, PLAIN, last_of};
 use super::model::Model;
 use super::named::{RunnerUp, is_alias};
-use super::refit::scale;
 
 /// Candidates whose evidence is nearer than this, or than this share, cannot be told apart.
 const NEAR: (f64, f64) = (20.0, 0.02);

@@ -15,7 +15,8 @@ use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
 
-use super::fit::{Fitted, known};
+use super::fit::Fitted;
+use super::kicks::known;
 use super::linear::{Loss, residuals};
 use super::model::Model;
 use super::problem::{Part, Problem};

@@ -4,7 +4,7 @@
 
 use rayon::prelude::*;
 
-use super::fit::{Effort, Fitted, LEAST_PER_ROW, fit, to_the_bottom, total_of};
+use super::fit::{Effort, Fitted, fit, to_the_bottom, total_of};
 use super::gates::PLAIN;
 use super::louder::{is_much_left, led_down};
 use super::model::Model;
@@ -244,11 +244,6 @@ pub(super) fn is_far(fitted: &Fitted, without: &Fitted) -> bool {
 /// Whether a model leaves no more than noise of the rows that it was fitted to.
 pub(super) fn is_noise(problem: &Problem<'_>, fitted: &Fitted) -> bool {
     fitted.cost <= PLAIN * problem.count(Part::Fit) as f64
-}
-
-/// What is left per row.
-pub(super) fn scale(cost: f64, rows: usize) -> f64 {
-    (cost / rows.max(1) as f64).max(LEAST_PER_ROW)
 }
 
 #[cfg(test)]

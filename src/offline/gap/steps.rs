@@ -34,7 +34,7 @@ impl Steps {
     }
 
     /// Whether a step goes as far as they do.
-    pub fn are_within(&self, step: &DVector<f64>) -> bool {
+    pub(super) fn are_within(&self, step: &DVector<f64>) -> bool {
         step.iter().zip(&self.0).map(|(step, own)| (step / own).powi(2)).sum::<f64>() >= 1.0
     }
 

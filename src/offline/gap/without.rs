@@ -6,13 +6,13 @@ use std::cell::LazyCell;
 
 use super::blocks::Blocks;
 use super::crossed;
-use super::fit::{Effort, Fitted, fit};
+use super::fit::{Effort, Fitted, fit, scale};
 use super::gates::{FALL, HELD_FALL, does_not_show_where_judged, does_not_speak_against, telling};
 use super::judged;
 use super::louder::Louder;
 use super::model::Model;
 use super::problem::{Part, Problem};
-use super::refit::{PLAINLY, base_refitted, ended, refitted_from, scale};
+use super::refit::{PLAINLY, base_refitted, ended, refitted_from};
 
 /// What is needed explains so many times as much as ends of the base without it differ by: another of its valleys would do the
 /// same.
