@@ -58,6 +58,10 @@ pub(super) fn seeds(entry: &'static Entry, peaks: &dyn Fn(&Parameter) -> Vec<f64
             seeds.extend(so_far.iter().map(|seed| {
                 let mut seed = *seed;
                 seed[place] = other;
+                // What comes to its end sooner goes as fast: all of it within a run would be far from straight.
+                if parameter.key == "time-constant-s" {
+                    seed[0] *= (other / parameter.nominal).min(1.0);
+                }
                 seed
             }));
         }
@@ -109,6 +113,16 @@ mod tests {
             };
             assert!(seeds.iter().any(reaches), "{hz} Hz");
         }
+    }
+
+    #[test]
+    fn what_comes_to_its_end_sooner_is_tried_as_fast() {
+        let entry = entry("friction-warm-up").expect("an effect");
+        let seeds = seeds(entry, &|_| vec![33.0, 99.0, 3_600.0]);
+        let per_s: Vec<f64> = seeds.iter().map(|[drop, time_constant_s, _]| drop / time_constant_s).collect();
+        assert_eq!(seeds.iter().map(|seed| seed[1]).collect::<Vec<f64>>(), [1_800.0, 33.0, 99.0, 3_600.0]);
+        assert!(per_s[..3].iter().all(|rate| (rate / per_s[0] - 1.0).abs() < 1e-12), "{per_s:?}");
+        assert_eq!(seeds[3][0], seeds[0][0], "no more than half the usual size");
     }
 
     #[test]
