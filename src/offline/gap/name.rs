@@ -21,7 +21,7 @@ use super::little::without_little;
 use super::louder::Louder;
 use super::model::Model;
 use super::named::{Named, NamedEffect, RunnerUp, is_alias};
-use super::near::{Near, ROUGHLY, is_with_less, margin, price_of_a_number, weighed};
+use super::near::{Near, ROUGHLY, explains_as_much, is_with_less, margin, price_of_a_number, weighed};
 use super::problem::{Part, Problem};
 use super::refit::{
     ITERATIONS, about, anew, another_way, base_refitted, coarsely, coarsely_from, ended, is_far, is_noise,
@@ -162,12 +162,14 @@ pub fn name<'m>(
         let count = |candidate: &Candidate| candidate.fitted.model.numbers();
         let (least, most) = (best.evidence - margin, count(best));
         let doubted = best.evidence - price_of_a_number(best.fitted.cost, rows);
-        let best_model = best.fitted.model.clone();
+        let best = best.clone();
         // Louder noise tells little of which explains most: that is left to the bottoms.
         let roughly = louder.as_ref().map_or(best.evidence, |_| (1.0 - ROUGHLY) * best.evidence);
         let (mut near, rest): (Vec<Candidate>, Vec<Candidate>) = passed.into_iter().partition(|candidate| {
-            let is_near = candidate.evidence > least && count(candidate) <= most;
-            let is_less = candidate.evidence > doubted && is_with_less(&candidate.fitted.model, &best_model);
+            let is_as_good = candidate.evidence > least || explains_as_much(candidate, &best, rows);
+            let is_near = is_as_good && count(candidate) <= most;
+            let is_less =
+                candidate.evidence > doubted && is_with_less(&candidate.fitted.model, &best.fitted.model);
             is_near || is_less || candidate.evidence > roughly || is_alias(best_name, candidate.name())
         });
         // Its twin may have been left behind on the way; what holds for one holds for both.
@@ -186,7 +188,9 @@ pub fn name<'m>(
                 to_the_bottom(&problem, fitted)
             }
         };
-        let Near { mut class, model: bottom, told_apart } = Near::of((near, least), &bottom_of, &model, rows);
+        let held = |fitted: &Fitted| Blocks::new(&problem, &fitted.model).cost();
+        let Near { mut class, model: bottom, told_apart } =
+            Near::of((near, least), &bottom_of, &held, &model, rows);
         let best = class[0].clone();
         let next = rest.first().or(refused.first());
         let runner_up = told_apart.or(next.map(|next| RunnerUp {

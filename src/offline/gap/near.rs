@@ -2,6 +2,8 @@
 //!
 //! Invariant: the best is the deepest, and effects that no data of this kind tell apart stay together.
 
+use std::cell::LazyCell;
+
 use rayon::prelude::*;
 
 use super::fit::{Fitted, scale};
@@ -20,6 +22,11 @@ const FURTHER: f64 = 0.2;
 /// How far behind a candidate with this evidence others are not told from it.
 pub(super) fn margin(evidence: f64) -> f64 {
     NEAR.0.max(NEAR.1 * evidence)
+}
+
+/// Whether a candidate explains the fitted rows as well as the best: it may be behind where it judges for not standing at its bottom yet.
+pub(super) fn explains_as_much(candidate: &Candidate, best: &Candidate, rows: usize) -> bool {
+    candidate.fitted.total < best.fitted.total + margin(best.evidence) * scale(best.fitted.cost, rows)
 }
 
 /// By how much an explanation must be better than the one that it is with a number less, where the best costs so much.
@@ -56,10 +63,11 @@ pub(super) struct Near {
 
 impl Near {
     /// Fits each to the bottom: a coarse fit, and a search where noise is louder than it is, may not tell what rows do. Those with
-    /// `least` evidence and less are only near in such a search.
+    /// `least` evidence and less are only near in such a search, or by the fitted rows; `held` is what a model leaves of those that judge.
     pub(super) fn of(
         (near, least): (Vec<Candidate>, f64),
         to_the_bottom: &(dyn Fn(&Candidate) -> Fitted + Sync),
+        held: &dyn Fn(&Fitted) -> f64,
         without: &Fitted,
         rows: usize,
     ) -> Self {
@@ -81,13 +89,19 @@ impl Near {
         let margin = margin((without.total - model.total) / scale);
         let behind = |end: &Fitted| price(end) - price(&model);
         let best = ends[0].0.name();
-        // What no data tell apart ends elsewhere by chance, and so does by a little what was near before.
+        let judged = LazyCell::new(|| held(&model) + margin * scale);
+        // What no data tell apart ends elsewhere by chance, and so does by a little what was near before, unless rows that judge say so
+        // too.
         let is_apart = |(candidate, end): &(Candidate, Fitted)| {
             // More numbers that say no more are no other explanation.
             let has_more = numbers(end) > numbers(&model);
             let was_far = candidate.evidence <= least || end.cost > PLAIN * model.cost;
-            let is_behind = if has_more { behind(end) >= 0.0 } else { behind(end) > margin && was_far };
-            is_behind && !is_alias(best, candidate.name())
+            let is_behind = if has_more {
+                behind(end) >= 0.0
+            } else {
+                behind(end) > margin && (was_far || held(end) > *judged)
+            };
+            !is_alias(best, candidate.name()) && is_behind
         };
         let (apart, ends): (Vec<_>, Vec<_>) = ends.into_iter().partition(is_apart);
         let told_apart = apart.first().map(|(candidate, end)| RunnerUp {
@@ -129,13 +143,41 @@ mod tests {
     }
 
     #[test]
+    fn what_explains_the_fitted_rows_as_well_is_near_whatever_rows_that_judge_say() {
+        let best = candidate("current-loop-lag", 10_000.0);
+        for (left, is_near) in [(9_000.0, true), (11_500.0, true), (11_700.0, false)] {
+            let behind = Candidate { evidence: 40_000.0, ..candidate("actuator-delay", left) };
+            assert_eq!(explains_as_much(&behind, &best, 10_000), is_near, "{left}");
+        }
+    }
+
+    #[test]
+    fn what_was_near_is_told_apart_where_rows_that_judge_say_so_too() {
+        let without = Fitted { total: 25_000.0, ..candidate("backlash", 25_000.0).fitted };
+        let class = |held: [f64; 2]| -> Vec<&str> {
+            let near =
+                [candidate("current-loop-lag", 10_000.0), candidate("actuator-delay", 10_000.0)].to_vec();
+            let is_lag = |of: &Fitted| last_of(&of.model) == Some("current-loop-lag");
+            let end = |candidate: &Candidate| {
+                let left = if is_lag(&candidate.fitted) { 10_000.0 } else { 10_400.0 };
+                Fitted { cost: left, total: left, ..candidate.fitted.clone() }
+            };
+            let held = |end: &Fitted| held[usize::from(!is_lag(end))];
+            let near = Near::of((near, 0.0), &end, &held, &without, 10_000);
+            near.class.iter().map(Candidate::name).collect()
+        };
+        assert_eq!(class([9_000.0, 9_100.0]), ["current-loop-lag", "actuator-delay"]);
+        assert_eq!(class([9_000.0, 12_000.0]), ["current-loop-lag"]);
+    }
+
+    #[test]
     fn more_numbers_that_say_no_more_are_no_other_explanation() {
         const ROWS: usize = 10_000;
         let without = Fitted { total: 100_000.0, ..candidate("scale-error", 100_000.0).fitted };
         let class = |all: &[(&str, f64)]| -> Vec<&str> {
             let near = all.iter().map(|(name, left)| candidate(name, *left)).collect();
             let ends = |candidate: &Candidate| candidate.fitted.clone();
-            Near::of((near, 0.0), &ends, &without, ROWS).class.iter().map(Candidate::name).collect()
+            Near::of((near, 0.0), &ends, &|_| 0.0, &without, ROWS).class.iter().map(Candidate::name).collect()
         };
         // A swing of many times the travel is a slope, by three numbers.
         for (left, names) in [
