@@ -24,8 +24,8 @@ use super::named::{Named, NamedEffect, RunnerUp, is_alias};
 use super::near::{Near, ROUGHLY, explains_as_much, is_with_less, margin, price_of_a_number, weighed};
 use super::problem::{Part, Problem};
 use super::refit::{
-    ITERATIONS, about, anew, another_way, base_refitted, coarsely, coarsely_from, ended, is_far, is_noise,
-    refitted, unsettled,
+    ITERATIONS, about, anew, another_way, base_refitted, beside, coarsely, coarsely_from, ended, is_far,
+    is_noise, refitted, unsettled,
 };
 use super::shortlist::{Scored, shortlist};
 use super::spectrum::Peaks;
@@ -47,6 +47,8 @@ const EFFECTS_MAX: usize = 4;
 /// effects gain a thousandth of what is left.
 const VALLEYS: usize = 2;
 const DEEPER: f64 = 0.998;
+/// What explains so much of what it leaves is asked for need as rows count beside it, too.
+const MUCH: f64 = 0.02;
 /// An effect of whose gain the base makes so much by itself, once it has been led out of its valley, is asked for again from there.
 const OF_BASE: f64 = 0.4;
 
@@ -204,20 +206,34 @@ pub fn name<'m>(
         };
         class.extend(refused.iter().filter(is_beyond).cloned());
         let class = weighed(class, margin);
-        let before = std::mem::replace(&mut model, bottom);
+        let mut before = std::mem::replace(&mut model, bottom);
         blocks = Blocks::new(&problem, &model.model);
         effects.push(NamedEffect { name: best.name(), class, runner_up });
         // On its way to the effect the base may have left a valley in which the fit without it was held up: what is
         // gained is what is lost again without it, from here.
-        let mut put_to_the_test = |model: &Fitted, blocks: &Blocks, named: usize| {
-            let (test, need) = Without::of_last(&problem, &once, (model, blocks), [start, &coarse.model]);
-            if named == 1 {
-                base = Some(test.fitted.clone());
-            }
+        let put_to_the_test = |problem: &Problem<'m>, once: &Problem<'m>, model: &Fitted, blocks: &Blocks| {
+            let (test, need) = Without::of_last(problem, once, (model, blocks), [start, &coarse.model]);
             let lost = gates::lost_at(model).or((need == Need::None).then_some(Gate::Needed));
             (test, need, lost)
         };
-        let (test, need, lost) = put_to_the_test(&model, &blocks, effects.len());
+        let (mut test, mut need, mut lost) = put_to_the_test(&problem, &once, &model, &blocks);
+        // Rows that judge may deny what explains much as they count, and as noise moves means, about a base that lacks it.
+        let explains_much = test.fitted.total > (1.0 + MUCH) * model.total;
+        if lost == Some(Gate::Needed) && explains_much {
+            let near = beside(&problem, &model.model);
+            let (near_once, other) = (near.first_passes(), to_the_bottom(&near, &model));
+            let of_other = Blocks::new(&near, &other.model);
+            let again = put_to_the_test(&near, &near_once, &other, &of_other);
+            if again.2.is_none() {
+                (test, need, lost) = again;
+                (problem, once, model, blocks) = (near, near_once, other, of_other);
+                (before.total, alone) =
+                    (total_of(&problem, &before.model), Blocks::new(&problem, &coarse.model));
+            }
+        }
+        if is_first {
+            base = Some(test.fitted.clone());
+        }
         let [gained, of_base] = [&model, &test.fitted].map(|fitted| before.total - fitted.total);
         let is_deeper = test.fitted.total < DEEPER * before.total;
         let is_of_base = is_first && is_deeper && of_base > OF_BASE * gained && valleys < VALLEYS;
@@ -227,7 +243,10 @@ pub fn name<'m>(
             // It only led the base out of its valley: what came before may have been the next best way out of it, and
             // what is missing may not have shown in it.
             while is_deeper && !effects.is_empty() {
-                let (test, _, lost) = put_to_the_test(&model, &blocks, effects.len());
+                let (test, _, lost) = put_to_the_test(&problem, &once, &model, &blocks);
+                if effects.len() == 1 {
+                    base = Some(test.fitted.clone());
+                }
                 let Some(gate) = lost else { break };
                 (model, blocks) = taken_back((&mut effects, &mut refused), gate, test);
             }

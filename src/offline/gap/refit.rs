@@ -174,9 +174,14 @@ fn leaves_less(
     of_base < share * of_other
 }
 
-/// The same problem where rows count, and noise moves means, as they do about a model that was fitted to it; nothing where that is how it is.
+/// The same problem where rows count, and noise moves means, as they do about a model.
+pub(super) fn beside<'m>(problem: &Problem<'m>, model: &Model) -> Problem<'m> {
+    problem.where_straight(model, REACH, 0)
+}
+
+/// The same about a model that was fitted to it; nothing where that is how it is.
 pub(super) fn unsettled<'m>(near: &Problem<'m>, fitted: &Fitted) -> Option<Problem<'m>> {
-    let next = near.where_straight(&fitted.model, REACH, 0);
+    let next = beside(near, &fitted.model);
     let total = total_of(&next, &fitted.model);
     ((total / fitted.total - 1.0).abs() > SETTLED).then_some(next)
 }
@@ -185,7 +190,7 @@ pub(super) fn unsettled<'m>(near: &Problem<'m>, fitted: &Fitted) -> Option<Probl
 /// the one before.
 pub(super) fn about<'m>(problem: &Problem<'m>, base: &Model) -> (Problem<'m>, Fitted) {
     let coarse = |near: &Problem<'m>, base: &Model| fit(near, base, Effort::Coarse(ITERATIONS[0]), None);
-    let (mut near, mut weighed) = (problem.where_straight(base, REACH, 0), base.clone());
+    let (mut near, mut weighed) = (beside(problem, base), base.clone());
     let mut fitted = coarse(&near, base);
     for _ in 0..ROUNDS {
         if is_where(&fitted.model, &weighed) {
