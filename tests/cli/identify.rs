@@ -1,20 +1,13 @@
 //! Promise: `quadrant identify` says what it will move, leaves a log whose header names machine and motions, and
 //! finds what the controller does not know of the plant behind the boards.
-#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
-
-#[path = "common/machine_file.rs"]
-mod machine_file;
-#[path = "common/tool.rs"]
-#[expect(dead_code, reason = "one log, whose name is given")]
-mod tool;
 
 use std::fs;
 use std::path::Path;
 
-use machine_file::machine_file;
+use crate::machine_file::machine_file;
+use crate::tool::{run, text};
 use quadrant::log::Reader;
 use tempfile::TempDir;
-use tool::{run, text};
 
 /// Travel of the machines, mm.
 const TRAVEL_MM: [f64; 2] = [-8.0, 60.0];

@@ -1,18 +1,13 @@
 //! Promise: `quadrant identify --log` says what a log tells and what it does not, and puts into a machine file what it
 //! found, and nothing else.
-#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
-
-#[path = "common/tool.rs"]
-#[expect(dead_code, reason = "circles of its own")]
-mod tool;
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use crate::tool::{only_log, run, text};
 use quadrant::config;
 use serde_json::Value;
 use tempfile::TempDir;
-use tool::{only_log, run, text};
 
 /// A log of circles: reversals, and accelerations on the way to their start.
 fn circles(folder: &Path) -> PathBuf {

@@ -1,14 +1,10 @@
 //! Promise: no verb spoils a log, and what a log lacks is said.
-#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
-
-#[path = "common/tool.rs"]
-mod tool;
 
 use std::fs;
 use std::path::Path;
 
+use crate::tool::{SHORT, only_log, quadrant, run, text, with};
 use tempfile::TempDir;
-use tool::{SHORT, only_log, quadrant, run, text, with};
 
 /// The bytes of the chunk that holds the middle of the evaluated part.
 fn chunk_half_way(log: &Path, bytes: &[u8]) -> std::ops::Range<usize> {

@@ -1,21 +1,16 @@
 //! Promise: `quadrant tune` prints for people and programs what it found and what holds it, writes it where it was
 //! told and nowhere else, and keeps the best so far when it is interrupted.
-#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
-
-#[path = "common/tool.rs"]
-#[expect(dead_code, reason = "no log here")]
-mod tool;
 
 use std::fs;
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
+use crate::tool::{run, text, with};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use quadrant::config;
 use serde_json::Value;
 use tempfile::TempDir;
-use tool::{run, text, with};
 
 /// A short circle, few evaluations, on the axes as the file has them.
 const SHORT: [&str; 9] = [

@@ -1,9 +1,4 @@
-//! The tool as its user runs it: results, exit codes, and what it says to bad input.
-
-#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
-
-#[path = "common/tool.rs"]
-mod tool;
+//! Promise: `quadrant circle` shows the circles of the paper, refuses what cannot be done by name, and loses nothing when it is stopped.
 
 use std::fs;
 use std::io::{Seek, SeekFrom, Write};
@@ -11,9 +6,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command as Process, Stdio};
 use std::time::{Duration, SystemTime};
 
+use crate::tool::{SHORT, only_log, quadrant, run, text, with};
 use serde_json::Value;
 use tempfile::TempDir;
-use tool::{SHORT, only_log, quadrant, run, text, with};
 
 fn close(name: &str, value: &Value, expected: f64, bound: f64) {
     let got = value.as_f64().unwrap_or(f64::NAN);

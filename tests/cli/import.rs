@@ -1,16 +1,11 @@
 //! Promise: a text of candump becomes a log by one command; what is not known of its run is said wherever it
 //! would be needed.
-#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
-
-#[path = "common/tool.rs"]
-#[expect(dead_code, reason = "one log, whose name is given")]
-mod tool;
 
 use std::fs;
 use std::path::Path;
 
+use crate::tool::{quadrant, run, text};
 use tempfile::TempDir;
-use tool::{quadrant, run, text};
 
 fn said(words: &[&str]) -> (String, String, Option<i32>) {
     let output = quadrant().args(words).output().unwrap();

@@ -1,10 +1,9 @@
 //! Promise: `quadrant hil run` says of each scenario whether it came as expected, and ends so that a script knows.
-#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 use assert_cmd::Command;
 use serde_json::Value;
 
-const SILENT: &str = include_str!("scenarios/silent-board.toml");
+const SILENT: &str = include_str!("../scenarios/silent-board.toml");
 
 fn hil_run(scenario: &str) -> (i32, Value) {
     let folder = tempfile::tempdir().unwrap();

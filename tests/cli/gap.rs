@@ -1,19 +1,12 @@
 //! Promise: `quadrant gap plan` says what it will move and what no run shows, moves nothing when told so, and leaves a sound
 //! log of each run that names its motions.
-#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
-
-#[path = "common/machine_file.rs"]
-mod machine_file;
-#[path = "common/tool.rs"]
-#[expect(dead_code, reason = "one folder, whose name is given")]
-mod tool;
 
 use std::path::Path;
 
-use machine_file::machine_file;
+use crate::machine_file::machine_file;
+use crate::tool::{run, text, with};
 use quadrant::log::Reader;
 use tempfile::TempDir;
-use tool::{run, text, with};
 
 #[test]
 fn the_runs_of_an_axis_are_said_and_recorded() {
