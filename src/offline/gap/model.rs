@@ -17,6 +17,9 @@ const AT_BOUND: f64 = 1e-4;
 const FALL: [&str; 3] = ["breakaway_excess", "fall_end", "fall_start"];
 /// More priors than this a base goes only to make up for something.
 const GONE_FAR: f64 = 3.0;
+/// How far an amplitude is from zero that the base makes up for, in coordinates. Left free, a gain of the velocity loop would take from
+/// masses and forces what a torque constant that is off has made of them all.
+const OF_BASE: f64 = 0.05;
 /// A swing is one of once a turn where its period is so near to the lead, as a share.
 const ONCE_A_TURN: f64 = 3e-3;
 /// An effect, another that changes much the same, and the values of that one.
@@ -245,11 +248,15 @@ impl Model {
     }
 
     /// How sure that is, as a standard deviation in coordinates. An amplitude is held by nothing but its bounds: data
-    /// alone say how large an effect is.
+    /// alone say how large an effect is; but for one that the base makes up for, of which they say nothing.
     pub fn sureness(&self) -> Vec<f64> {
         let effects = self.effects.iter().flat_map(|tried| {
-            let of = |place| if tried.entry.is_amplitude(place) { f64::INFINITY } else { 2.0 };
-            (0..tried.entry.parameters.len()).map(of)
+            let of = |(place, parameter): (usize, &Parameter)| match parameter.is_of_base {
+                true => OF_BASE,
+                false if tried.entry.is_amplitude(place) => f64::INFINITY,
+                false => 2.0,
+            };
+            tried.entry.parameters.iter().enumerate().map(of)
         });
         std::iter::repeat_n(1.0, BASE.len()).chain(effects).collect()
     }

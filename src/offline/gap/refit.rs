@@ -255,11 +255,14 @@ pub(super) fn is_noise(problem: &Problem<'_>, fitted: &Fitted) -> bool {
 mod tests {
     use std::sync::Arc;
 
+    use super::super::model::Tried;
     use super::super::sensors::tests::problem_of;
+    use super::super::twin::Base;
     use super::*;
     use crate::base::axis::AxisId;
     use crate::base::units::Current;
     use crate::config;
+    use crate::plant::effects::entry;
     use crate::plant::tests::paper_axis;
 
     #[test]
@@ -272,6 +275,30 @@ mod tests {
         };
         let [higher, lower] = TUNED.map(|by| natural(-by) / natural(0.0));
         assert!(higher > 1.1 && (higher * lower - 1.0).abs() < 1e-9, "{higher}, {lower}");
+    }
+
+    #[test]
+    fn what_a_torque_constant_makes_of_all_forces_is_no_gain_of_the_velocity_loop() {
+        let machine = config::load("paper").expect("a machine");
+        let place_m = |row: usize| 5e-3 * (1.0 - (row as f64 * 5e-4 * 6.0).cos());
+        let mut problem = problem_of(&machine, 6_000, place_m, [1e-7, 1e-7, 0.05]);
+        let file = Model::new(machine.axes[AxisId::X].plant);
+        let gains = |position: f64| Tried {
+            entry: entry("servo-gain-mismatch").expect("an effect"),
+            values: [position, 0.0, 0.0],
+        };
+        let lighter = |base: &Base| match base.name {
+            "mass" | "motor_inertia" | "stiffness" | "damping" | "sliding" | "breakaway_excess" => {
+                -0.12 / base.prior
+            }
+            _ => 0.0,
+        };
+        let truth = file.at(&BASE.iter().map(lighter).collect::<Vec<f64>>()).with(gains(3.0));
+        let mut data = problem.data[0].clone();
+        data.measured = problem.simulated(0, &truth);
+        problem = problem.with_data(Arc::new(vec![data]));
+        let found = ended(&problem, &file.with(gains(1.0))).effects[0].values;
+        assert!((found[0] - 3.0).abs() < 0.1 && found[1].abs() < 0.5, "{found:?}");
     }
 
     #[test]
