@@ -229,6 +229,9 @@ pub fn name<'m>(
                 (problem, once, model, blocks) = (near, near_once, other, of_other);
                 (before.total, alone) =
                     (total_of(&problem, &before.model), Blocks::new(&problem, &coarse.model));
+                if let Some(last) = effects.last_mut() {
+                    last.tell_apart(&problem, &model, test.fitted.total - model.total);
+                }
             }
         }
         if is_first {

@@ -6,10 +6,12 @@ use std::cell::LazyCell;
 
 use rayon::prelude::*;
 
-use super::fit::{Fitted, scale};
+use super::blocks::Blocks;
+use super::fit::{Fitted, scale, to_the_bottom};
 use super::gates::{Candidate, PLAIN, last_of};
 use super::model::Model;
-use super::named::{RunnerUp, is_alias};
+use super::named::{NamedEffect, RunnerUp, is_alias};
+use super::problem::{Part, Problem};
 
 /// Candidates whose evidence is nearer than this, or than this share, cannot be told apart.
 const NEAR: (f64, f64) = (20.0, 0.02);
@@ -114,12 +116,46 @@ impl Near {
     }
 }
 
+impl NamedEffect {
+    /// Where rows count about a model with it, which loses so much without it: what is behind there at its bottom, by the fitted rows and
+    /// by those that judge, is told apart.
+    pub(super) fn tell_apart(&mut self, problem: &Problem<'_>, model: &Fitted, lost: f64) {
+        let scale = scale(model.cost, problem.count(Part::Fit));
+        let margin = scale * margin(lost / scale);
+        let held = |fitted: &Fitted| Blocks::new(problem, &fitted.model).cost();
+        let (name, mut apart) = (self.name, None);
+        let mut stays = |candidate: &Candidate| {
+            if candidate.name() == name || is_alias(name, candidate.name()) {
+                return true;
+            }
+            let end = to_the_bottom(problem, &candidate.fitted);
+            let behind = end.total - model.total;
+            let is_apart = behind > margin && held(&end) > held(model) + margin;
+            if is_apart {
+                let name = candidate.name();
+                apart.get_or_insert(RunnerUp { name, behind: behind / scale, failed: Vec::new() });
+            }
+            !is_apart
+        };
+        self.class.retain(|(candidate, _)| stays(candidate));
+        self.runner_up = apart.or(self.runner_up.take());
+        let all: f64 = self.class.iter().map(|(_, weight)| weight).sum();
+        self.class.iter_mut().for_each(|(_, weight)| *weight /= all);
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use nalgebra::DMatrix;
 
+    use std::sync::Arc;
+
     use super::*;
+    use crate::base::axis::AxisId;
+    use crate::config;
+    use crate::offline::gap::fit::{Effort, fit, total_of};
     use crate::offline::gap::model::Tried;
+    use crate::offline::gap::sensors::tests::problem_of;
     use crate::plant::effects::entry;
     use crate::plant::tests::paper_axis;
 
@@ -140,6 +176,40 @@ mod tests {
         assert_eq!(weights(["constant-force", "direction-asymmetry"]), [0.5, 0.5]);
         let [best, other] = weights(["backlash", "soft-zone"]);
         assert!(best > 0.99 && other > 0.0, "{best}, {other}");
+    }
+
+    #[test]
+    fn a_lag_is_told_from_a_delay_where_both_kinds_of_rows_say_so() {
+        let machine = config::load("paper").expect("a machine");
+        let place_m = |row: usize| 5e-3 * (1.0 - (row as f64 * 5e-4 * 6.0).cos());
+        let mut problem = problem_of(&machine, 6_000, place_m, [1e-7, 1e-7, 0.05]);
+        let file = Model::new(machine.axes[AxisId::X].plant);
+        let with = |name: &str, us: f64| {
+            file.with(Tried { entry: entry(name).expect("an effect"), values: [us, 0.0, 0.0] })
+        };
+        let mut data = problem.data[0].clone();
+        data.measured = problem.simulated(0, &with("actuator-delay", 400.0));
+        for judged in [false, true] {
+            data.fit =
+                (0..6_000).map(|row| (800..if judged { 3_000 } else { 6_000 }).contains(&row)).collect();
+            data.held = (0..6_000).map(|row| judged && row >= 3_000).collect();
+            problem = problem.with_data(Arc::new(vec![data.clone()]));
+            let fitted = |name: &str| fit(&problem, &with(name, 300.0), Effort::Coarse(6), None);
+            let ends = ["actuator-delay", "current-loop-lag"].map(fitted);
+            let lost = total_of(&problem, &file) - ends[0].total;
+            let candidate = |fitted: &Fitted| Candidate {
+                fitted: fitted.clone(),
+                held: 0.0,
+                evidence: 0.0,
+                failed: Vec::new(),
+            };
+            let class = ends.each_ref().map(|fitted| (candidate(fitted), 0.5)).to_vec();
+            let mut named = NamedEffect { name: "actuator-delay", class, runner_up: None };
+            named.tell_apart(&problem, &ends[0], lost);
+            assert_eq!(named.class.len(), if judged { 1 } else { 2 });
+            assert_eq!(named.class[0].1, if judged { 1.0 } else { 0.5 });
+            assert_eq!(named.runner_up.map(|next| next.name), judged.then_some("current-loop-lag"));
+        }
     }
 
     #[test]
