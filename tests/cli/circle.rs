@@ -6,9 +6,10 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command as Process, Stdio};
 use std::time::{Duration, SystemTime};
 
-use crate::tool::{SHORT, only_log, quadrant, run, text, with};
 use serde_json::Value;
 use tempfile::TempDir;
+
+use crate::tool::{SHORT, only_log, quadrant, run, text, with};
 
 fn close(name: &str, value: &Value, expected: f64, bound: f64) {
     let got = value.as_f64().unwrap_or(f64::NAN);

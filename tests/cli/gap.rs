@@ -3,10 +3,11 @@
 
 use std::path::Path;
 
-use crate::machine_file::machine_file;
-use crate::tool::{run, text, with};
 use quadrant::log::Reader;
 use tempfile::TempDir;
+
+use crate::machine_file::machine_file;
+use crate::tool::{run, text, with};
 
 #[test]
 fn the_runs_of_an_axis_are_said_and_recorded() {

@@ -4,10 +4,11 @@
 use std::fs;
 use std::path::Path;
 
-use crate::machine_file::machine_file;
-use crate::tool::{run, text};
 use quadrant::log::Reader;
 use tempfile::TempDir;
+
+use crate::machine_file::machine_file;
+use crate::tool::{run, text};
 
 /// Travel of the machines, mm.
 const TRAVEL_MM: [f64; 2] = [-8.0, 60.0];

@@ -4,10 +4,11 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use crate::tool::{only_log, run, text};
 use quadrant::config;
 use serde_json::Value;
 use tempfile::TempDir;
+
+use crate::tool::{only_log, run, text};
 
 /// A log of circles: reversals, and accelerations on the way to their start.
 fn circles(folder: &Path) -> PathBuf {

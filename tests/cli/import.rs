@@ -4,8 +4,9 @@
 use std::fs;
 use std::path::Path;
 
-use crate::tool::{quadrant, run, text};
 use tempfile::TempDir;
+
+use crate::tool::{quadrant, run, text};
 
 fn said(words: &[&str]) -> (String, String, Option<i32>) {
     let output = quadrant().args(words).output().unwrap();

@@ -3,8 +3,9 @@
 use std::fs;
 use std::path::Path;
 
-use crate::tool::{SHORT, only_log, quadrant, run, text, with};
 use tempfile::TempDir;
+
+use crate::tool::{SHORT, only_log, quadrant, run, text, with};
 
 /// The bytes of the chunk that holds the middle of the evaluated part.
 fn chunk_half_way(log: &Path, bytes: &[u8]) -> std::ops::Range<usize> {

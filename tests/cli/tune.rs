@@ -5,12 +5,13 @@ use std::fs;
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
-use crate::tool::{run, text, with};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use quadrant::config;
 use serde_json::Value;
 use tempfile::TempDir;
+
+use crate::tool::{run, text, with};
 
 /// A short circle, few evaluations, on the axes as the file has them.
 const SHORT: [&str; 9] = [

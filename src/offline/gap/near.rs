@@ -123,6 +123,7 @@ impl NamedEffect {
         let scale = scale(model.cost, problem.count(Part::Fit));
         let margin = scale * margin(lost / scale);
         let held = |fitted: &Fitted| Blocks::new(problem, &fitted.model).cost();
+        let judged = LazyCell::new(|| held(model) + margin);
         let (name, mut apart) = (self.name, None);
         let mut stays = |candidate: &Candidate| {
             if candidate.name() == name || is_alias(name, candidate.name()) {
@@ -130,7 +131,7 @@ impl NamedEffect {
             }
             let end = to_the_bottom(problem, &candidate.fitted);
             let behind = end.total - model.total;
-            let is_apart = behind > margin && held(&end) > held(model) + margin;
+            let is_apart = behind > margin && held(&end) > *judged;
             if is_apart {
                 let name = candidate.name();
                 apart.get_or_insert(RunnerUp { name, behind: behind / scale, failed: Vec::new() });
@@ -146,9 +147,9 @@ impl NamedEffect {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::DMatrix;
-
     use std::sync::Arc;
+
+    use nalgebra::DMatrix;
 
     use super::*;
     use crate::base::axis::AxisId;
