@@ -4,6 +4,7 @@
 //! has; and `docs/effects.md` is the catalogue.
 #![cfg(feature = "offline")]
 
+#[expect(dead_code, reason = "a test uses the part it needs")]
 mod common;
 
 use std::f64::consts::{FRAC_PI_4, TAU};

@@ -1,6 +1,7 @@
 //! Promise: after start the control thread does not touch the heap. A counting allocator watches the
 //! whole loop in memory: cycle, record ring, and the simulated machine that answers in the same thread.
 
+#[expect(dead_code, reason = "a test uses the part it needs")]
 mod common;
 #[path = "common/heap.rs"]
 mod heap;

@@ -13,7 +13,7 @@
 //! ```
 //!
 //! SYNCs that jitter by 100 us find the axis within 1 nm of where an independent integration has it
-//! (`tests/live_rack.rs`); the rest below one step leaves out `a t² / 2`, 10 nm at 8 m/s^2.
+//! (`tests/cycle/live_rack`); the rest below one step leaves out `a t² / 2`, 10 nm at 8 m/s^2.
 //! Invariant: no clock is read here, and time never goes back: a frame that is looked at late is answered
 //! from what the sensors showed when it came.
 

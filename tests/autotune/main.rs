@@ -5,6 +5,7 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 #[path = "../common/mod.rs"]
+#[expect(dead_code, reason = "a test uses the part it needs")]
 mod common;
 #[path = "../common/machine_file.rs"]
 mod machine_file;

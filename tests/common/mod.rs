@@ -1,6 +1,5 @@
 //! Shared by the closed-loop tests: machines made from the embedded files, a rig that steps the shipped
 //! cycle over a simulated rack period by period, and a line between them that can be made to misbehave.
-#![expect(dead_code, reason = "each test file uses the part it needs")]
 
 use std::collections::VecDeque;
 use std::sync::Arc;

@@ -2,6 +2,7 @@
 //! log does not tell is said to be unknown.
 
 #[path = "../common/mod.rs"]
+#[expect(dead_code, reason = "a test uses the part it needs")]
 mod common;
 mod coverage;
 mod machines;

@@ -3,6 +3,7 @@
 //! cannot be played ends it, without a difference that is none.
 
 #[path = "../common/mod.rs"]
+#[expect(dead_code, reason = "a test uses the part it needs")]
 mod common;
 mod edges;
 #[path = "../common/eventful.rs"]

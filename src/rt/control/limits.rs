@@ -25,7 +25,7 @@ pub const JUMP_FACTOR: f64 = 5.0;
 /// So much faster than peak current accelerates the bare motor is no motion either. Torque constant and
 /// inertia are known to a tenth or two; the rest is for the screw and a brake, which push as well. The screw
 /// pushes most when the table comes through its backlash: under peak current, 1.5 times with 200 um of it,
-/// 2.4 times with three times the mass besides (`tests/encoder_jumps.rs`, machine `reference`).
+/// 2.4 times with three times the mass besides (`tests/cycle/encoder_jumps.rs`, machine `reference`).
 pub const ACCELERATION_FACTOR: f64 = 2.5;
 
 /// Bounds of one axis.

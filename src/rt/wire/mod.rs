@@ -18,7 +18,7 @@
 //! layout stands in `firmware-config/encoder-board.dbc`, for classic CAN in `encoder-board-classic.dbc`;
 //! `tests/wire_dbc` holds them together.
 //! No frame has a checksum of its own: `docs/integrity.md` says what stands against a wrong bit in each field,
-//! and `tests/corrupted.rs` holds it to that.
+//! and `tests/cycle/corrupted.rs` holds it to that.
 //! There is no network management: a board that has booted is operational, and the state machine
 //! of CiA 402 keeps its drive safe.
 //! Invariant: a decoder is total. Whatever bytes come, it gives a value or [`Malformed`].

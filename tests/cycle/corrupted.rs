@@ -1,11 +1,8 @@
 //! Promise: what one wrong bit does, in any field of any frame, is what `docs/integrity.md` says. The bus's own
 //! checksum may have let it through, or it came about behind it, in a board, an adapter or a driver.
 
-mod common;
-
 use std::ops::Range;
 
-use common::{Fate, Rig, X, machine};
 use quadrant::base::fault::Fault;
 use quadrant::base::time::Moment;
 use quadrant::rt::bus::{Bus, Frame, Id, Received, SendError};
@@ -128,6 +125,8 @@ fn check(name: &str, id: u16, bits: usize, parts: &[Part]) -> f64 {
 }
 
 use Comes::{A, Moving, Nothing, OneLess};
+
+use crate::common::{Fate, Rig, X, machine};
 
 /// The lowest bit of the sequence makes it that of the frame before, or of the one behind, which then is not used.
 #[test]

@@ -2,9 +2,6 @@
 //! protrusions and radius decrease of the paper's axes, the same run to the bit for a seed.
 #![cfg(feature = "offline")]
 
-mod common;
-
-use common::{Rig, X, Y, circle, machine, machine_with, run_circles, three_axes};
 use quadrant::base::axis::AxisId;
 use quadrant::base::motion::Direction;
 use quadrant::base::record::{CycleRecord, ModeTag};
@@ -14,6 +11,8 @@ use quadrant::offline::circle::{PointAnalysis, Run, analyse};
 use quadrant::offline::trace::Trace;
 use quadrant::rt::door::Order;
 use rstest::rstest;
+
+use crate::common::{Rig, X, Y, circle, machine, machine_with, run_circles, three_axes};
 
 /// What a circular test of both senses shows at the motor encoders.
 struct Shown {

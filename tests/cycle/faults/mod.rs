@@ -2,15 +2,12 @@
 //! the current is gone within a bounded time and way, the axis stays faulted until it is cleared, and
 //! (unless its reference is lost) it can be enabled again afterwards. Silence is a fault on both sides.
 
-#[path = "../common/mod.rs"]
-mod common;
 mod scenarios;
 mod trouble;
 
 use std::cell::Cell;
 use std::rc::Rc;
 
-use common::{Fate, Rig, X, Y, machine_with};
 use quadrant::base::fault::{Fault, StopCategory};
 use quadrant::base::record::{ModeTag, Refusal};
 use quadrant::base::sample::Freshness;
@@ -26,6 +23,8 @@ use rstest::rstest;
 
 use scenarios::scenarios;
 use trouble::{GENTLE, Scenario, Strikes, board, good_line, node};
+
+use crate::common::{Fate, Rig, X, Y, machine_with};
 
 /// Speed of the axes when things go wrong, mm/s.
 const SPEED_MM_PER_S: f64 = 100.0;

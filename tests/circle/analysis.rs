@@ -1,10 +1,5 @@
 //! Promise: a circular path of known shape gives back its known numbers.
-#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
-#[path = "common/circle_model.rs"]
-mod circle_model;
-
-use circle_model::{Model, REFERENCE, circle};
 use quadrant::base::axis::AxisId;
 use quadrant::base::motion::{Circle, Direction};
 use quadrant::base::record::CycleRecord;
@@ -12,6 +7,8 @@ use quadrant::base::sample::Freshness;
 use quadrant::offline::circle::protrusion::{Baseline, mean_height_um};
 use quadrant::offline::circle::{CircleError, CircularTest, Quadrant, Run, analyse};
 use quadrant::offline::trace::Trace;
+
+use crate::circle_model::{Model, REFERENCE, circle};
 
 /// The top of the modelled spike is a cusp of 450 um/s: between two samples it loses up to this, um.
 const CUSP_UM: f64 = 0.12;

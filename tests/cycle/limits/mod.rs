@@ -2,11 +2,8 @@
 //! which of them acted, lets no NaN out and no current flow that its mode does not allow. Enabling and
 //! swapping gains are bumpless; orders that do not fit are ignored.
 
-#[path = "../common/mod.rs"]
-mod common;
 mod watch;
 
-use common::{Fate, Rig, X, Y, circle, machine_with};
 use proptest::prelude::*;
 use proptest::test_runner::{RngSeed, TestCaseError};
 use quadrant::base::axis::PerAxis;
@@ -21,6 +18,8 @@ use quadrant::rt::door::Order;
 use quadrant::rt::wire::Address;
 use quadrant::rt::wire::scaling::TravelCounts;
 use watch::Watch;
+
+use crate::common::{Fate, Rig, X, Y, circle, machine_with};
 
 /// Limits so tight that ordinary motions meet them.
 const TIGHT: &[(&str, &str)] = &[

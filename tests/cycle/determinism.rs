@@ -1,15 +1,12 @@
 //! The same seed gives the same records, to the bit: a run can be repeated, and a change that must not
 //! change behaviour can be held to it.
 
-#[path = "common/circle_run.rs"]
-#[expect(dead_code, reason = "the seeds are chosen here")]
-mod circle_run;
-
-use circle_run::{Kept, paper_circle};
 use quadrant::base::record::CycleRecord;
 use quadrant::base::units::{Position, Velocity};
 use quadrant::config::{self, Machine};
 use quadrant::rt::control::profile::CircleMotion;
+
+use crate::circle_run::{Kept, paper_circle};
 
 /// A circle small enough to reverse eight times in a few seconds.
 fn small_circle() -> CircleMotion {
@@ -21,7 +18,7 @@ fn small_circle() -> CircleMotion {
 
 fn records(machine: &Machine, seed: u64) -> Vec<CycleRecord> {
     let mut kept = Kept::default();
-    circle_run::run(machine, "standard", small_circle(), seed, &mut kept);
+    crate::circle_run::run(machine, "standard", small_circle(), seed, &mut kept);
     kept.0
 }
 

@@ -9,11 +9,11 @@ use quadrant::rt::wire::command::{self, RawCommand};
 use quadrant::rt::wire::scaling::{CurrentCounts, TravelCounts};
 use quadrant::rt::wire::{Address, Layout, controller};
 
-use crate::common::{Fate, X, Y};
-use crate::trouble::{
+use super::trouble::{
     GENTLE, RAMP_CYCLES_MAX, RAMP_WAY_MM_MAX, Scenario, Strikes, WATCHDOG_CYCLES_MAX, board, lose, node,
     on_feedback, with_commands,
 };
+use crate::common::{Fate, X, Y};
 
 pub(crate) fn scenarios() -> Vec<Scenario> {
     vec![

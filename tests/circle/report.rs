@@ -1,16 +1,13 @@
 //! Promise: the report of a circular test stands alone, says what the analysis found and never changes
 //! for the same test.
-#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
-#[path = "common/circle_model.rs"]
-mod circle_model;
-
-use circle_model::{Model, REFERENCE, circle};
 use quadrant::base::motion::{Circle, Direction};
 use quadrant::offline::circle::{CircularTest, Run, analyse};
 use quadrant::offline::draw::{overview, polar, reversals};
 use quadrant::offline::report::{self, Expectation, TestSheet};
 use quadrant::offline::trace::Trace;
+
+use crate::circle_model::{Model, REFERENCE, circle};
 
 /// Bytes a drawing may have: a report with three of them still goes by mail.
 const SVG_BYTES_MAX: usize = 150_000;

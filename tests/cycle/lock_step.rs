@@ -1,13 +1,8 @@
 //! Promise: in lock step with a machine behind a bus of its own, a run gives the records of the run in memory
 //! to the bit; also when frames are lost, late, repeated or out of order on the way.
 
-#[path = "common/circle_run.rs"]
-#[expect(dead_code, reason = "bus and records are chosen here")]
-mod circle_run;
-
 use std::collections::VecDeque;
 
-use circle_run::paper_circle;
 use quadrant::base::input::Inputs;
 use quadrant::base::record::CycleRecord;
 use quadrant::base::time::{Moment, Span};
@@ -24,6 +19,8 @@ use quadrant::rt::wire::{Address, command, feedback};
 use quadrant::sim::closed_loop::{Wired, commission};
 use quadrant::sim::rack::Rack;
 use quadrant::sim::session::Session;
+
+use crate::circle_run::paper_circle;
 
 const SEED: u64 = 7;
 
@@ -104,7 +101,7 @@ fn run<B: Bus>(machine: &Machine, mut bus: B, from_the_host: Faults, to_the_host
     let mut circle = paper_circle(1);
     circle.circle.radius = Position::mm(5.0);
     circle.circle.feed = Velocity::mm_per_min(1500.0);
-    let mut procedure = circle_run::procedure(machine, "standard", circle);
+    let mut procedure = crate::circle_run::procedure(machine, "standard", circle);
     let mut told = Told::default();
     let mut grid = Virtual::new(machine.cycle.period);
     let last = conduct(&mut cycle, &mut bus, &mut grid, &mut procedure, &mut told);

@@ -1,13 +1,10 @@
 //! Promise: the experiments of `quadrant identify` run to their end on the machine they were planned for, keep
 //! its limits all the way, take the time that was said, and their log replays bit for bit.
 
-mod common;
-
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use common::{Kept, X, Y, machine, machine_with};
 use quadrant::base::axis::AxisId;
 use quadrant::base::command::Limits;
 use quadrant::base::input::Inputs;
@@ -23,6 +20,8 @@ use quadrant::rt::cycle::{Cycle, conduct};
 use quadrant::rt::door::{Records, record_ring};
 use quadrant::run::{Origin, Place, header};
 use quadrant::sim::closed_loop::{Patient, Wired};
+
+use crate::common::{Kept, X, Y, machine, machine_with};
 
 /// A machine so small that its experiments take two minutes.
 fn small() -> Machine {

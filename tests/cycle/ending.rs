@@ -1,12 +1,9 @@
 //! Promise: a run begins with axes that are ready and ends with axes at rest: the last record shows no drive
 //! that gives current and, where the board is heard, no axis that moves, however the run ended.
 
-mod common;
-
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use common::{Fate, Kept, Rig, X, Y, circle, machine};
 use quadrant::base::axis::AxisId;
 use quadrant::base::fault::Fault;
 use quadrant::base::motion::Direction;
@@ -24,6 +21,8 @@ use quadrant::sim::closed_loop::Wired;
 use quadrant::sim::rack::Rack;
 use quadrant::sim::script::{Effect, Script, ScriptedFault};
 use rstest::rstest;
+
+use crate::common::{Fate, Kept, Rig, X, Y, circle, machine};
 
 /// Wishes to stop in a cycle.
 struct StopAt<O> {

@@ -3,14 +3,11 @@
 //! where the axis is; a board whose host is silent looks after its axis alone.
 #![cfg(feature = "offline")]
 
-#[path = "../common/mod.rs"]
-mod common;
 mod stall;
 mod truth;
 
 use std::sync::Arc;
 
-use common::{Kept, X, Y, circle, machine, machine_with, run_circles};
 use quadrant::base::axis::AxisId;
 use quadrant::base::motion::Direction;
 use quadrant::base::record::CycleRecord;
@@ -36,6 +33,8 @@ use quadrant::rt::wire::state::{self, Emergency};
 use quadrant::rt::wire::{Address, command, feedback};
 use quadrant::sim::live_rack::LiveRack;
 use truth::Truth;
+
+use crate::common::{Kept, X, Y, circle, machine, machine_with, run_circles};
 
 const PERIOD: Span = Span::us(500);
 /// The rack's steps.

@@ -2,9 +2,6 @@
 //! takes it back along its path, a fault ends it, and what would not fit is not begun. What was excited stands
 //! in the record.
 
-mod common;
-
-use common::{Fate, Rig, X, Y, machine, machine_with};
 use quadrant::base::axis::AxisId;
 use quadrant::base::command::Limits;
 use quadrant::base::fault::Fault;
@@ -15,6 +12,8 @@ use quadrant::base::units::{Acceleration, Position, Velocity};
 use quadrant::config::Machine;
 use quadrant::rt::door::Order;
 use rstest::rstest;
+
+use crate::common::{Fate, Rig, X, Y, machine, machine_with};
 
 /// Cycles until the evaluated part begins: rise of the speed, then two periods, at 2 kHz.
 const FULL: u64 = 2_150;

@@ -9,8 +9,8 @@ use quadrant::rt::bus::{Bus, Frame, Received, SendError};
 use quadrant::rt::cycle::pace::Slot;
 use quadrant::rt::cycle::standby::Standby;
 
+use super::{Clocked, PERIOD, POWER_ON, cycle_on, on_grid};
 use crate::common::machine;
-use crate::{Clocked, PERIOD, POWER_ON, cycle_on, on_grid};
 
 /// The cycle whose SYNC is late, and by how much.
 const STALLED: u32 = 1_000;

@@ -2,15 +2,9 @@
 //! a log in which anything differs is refused by cycle and field; and one in which something is missing ends
 //! there, with what is missing, and not with a difference.
 
-mod common;
-#[path = "common/eventful.rs"]
-mod eventful;
-
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use common::{X, machine};
-use eventful::{Kept, eventful};
 use quadrant::base::input::{Input, Inputs, What};
 use quadrant::base::record::{CycleRecord, ModeTag};
 use quadrant::base::time::Moment;
@@ -23,6 +17,9 @@ use quadrant::rt::door::{Order, Records, record_ring};
 use quadrant::run::{Origin, Place, header};
 use quadrant::sim::closed_loop::Patient;
 use rstest::rstest;
+
+use crate::common::{X, machine};
+use crate::eventful::{Kept, eventful};
 
 /// The first cycle and field that a replay gives differently.
 fn first_difference(name: &str, kept: &Kept) -> Option<(u64, String)> {
