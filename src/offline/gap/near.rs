@@ -2,7 +2,7 @@
 //!
 //! Invariant: the best is the deepest, and effects that no data of this kind tell apart stay together.
 
-use std::cell::LazyCell;
+use std::cell::OnceCell;
 
 use rayon::prelude::*;
 
@@ -53,6 +53,49 @@ pub(super) fn weighed(class: Vec<Candidate>, margin: f64) -> Vec<(Candidate, f64
     class.into_iter().zip(weights.iter().map(|weight| weight / all)).collect()
 }
 
+/// Bottoms held against the best of them.
+struct Beside<'h> {
+    best: &'h Fitted,
+    /// What it leaves per row.
+    scale: f64,
+    rows: usize,
+    /// How far behind it others are not told from it.
+    margin: f64,
+    /// What a model leaves of the rows that judge.
+    held: &'h dyn Fn(&Fitted) -> f64,
+    /// More than that of them is behind on them.
+    judged: OnceCell<f64>,
+}
+
+impl<'h> Beside<'h> {
+    /// Of a best that leaves so much less than a model without its effect.
+    fn of(best: &'h Fitted, lost: f64, rows: usize, held: &'h dyn Fn(&Fitted) -> f64) -> Self {
+        let scale = scale(best.cost, rows);
+        Self { best, scale, rows, margin: margin(lost / scale), held, judged: OnceCell::new() }
+    }
+
+    /// By how much a bottom is behind on the fitted rows.
+    fn behind(&self, end: &Fitted) -> f64 {
+        price(end, self.scale, self.rows) - price(self.best, self.scale, self.rows)
+    }
+
+    /// Whether that is more than chance makes of what no data tell apart.
+    fn is_behind(&self, end: &Fitted) -> bool {
+        self.behind(end) > self.margin
+    }
+
+    /// Whether it is behind on the rows that judge, too.
+    fn is_behind_where_judged(&self, end: &Fitted) -> bool {
+        let judged = self.judged.get_or_init(|| (self.held)(self.best) + self.margin * self.scale);
+        (self.held)(end) > *judged
+    }
+}
+
+/// What a model leaves of the fitted rows, and what its numbers cost, where the best leaves so much per row.
+fn price(end: &Fitted, scale: f64, rows: usize) -> f64 {
+    end.total / scale + end.model.numbers() as f64 * (rows.max(1) as f64).ln()
+}
+
 /// Candidates that explain nearly as much as the best, at their bottoms.
 pub(super) struct Near {
     /// The best first.
@@ -77,8 +120,7 @@ impl Near {
         let mut ends: Vec<(Candidate, Fitted)> = near.into_iter().zip(ends).collect();
         let deepest = ends.iter().min_by(|a, b| a.1.total.total_cmp(&b.1.total)).expect("an end");
         let scale = scale(deepest.1.cost, rows);
-        let numbers = |end: &Fitted| end.model.numbers();
-        let price = |end: &Fitted| end.total / scale + numbers(end) as f64 * (rows.max(1) as f64).ln();
+        let price = |end: &Fitted| price(end, scale, rows);
         ends.sort_by(|a, b| price(&a.1).total_cmp(&price(&b.1)));
         let doubted = price(&ends[0].1) + price_of_a_number(ends[0].1.cost, rows);
         let is_doubted = |(_, less): &(Candidate, Fitted)| {
@@ -87,32 +129,29 @@ impl Near {
         if let Some(less) = ends.iter().position(is_doubted) {
             ends[..=less].rotate_right(1);
         }
-        let model = ends[0].1.clone();
-        let margin = margin((without.total - model.total) / scale);
-        let behind = |end: &Fitted| price(end) - price(&model);
-        let best = ends[0].0.name();
-        let judged = LazyCell::new(|| held(&model) + margin * scale);
+        let (best, model) = (ends[0].0.name(), ends[0].1.clone());
+        let beside = Beside::of(&model, without.total - model.total, rows, held);
         // What no data tell apart ends elsewhere by chance, and so does by a little what was near before, unless rows that judge say so
         // too.
         let is_apart = |(candidate, end): &(Candidate, Fitted)| {
             // More numbers that say no more are no other explanation.
-            let has_more = numbers(end) > numbers(&model);
+            let has_more = end.model.numbers() > model.model.numbers();
             let was_far = candidate.evidence <= least || end.cost > PLAIN * model.cost;
             let is_behind = if has_more {
-                behind(end) >= 0.0
+                beside.behind(end) >= 0.0
             } else {
-                behind(end) > margin && (was_far || held(end) > *judged)
+                beside.is_behind(end) && (was_far || beside.is_behind_where_judged(end))
             };
             !is_alias(best, candidate.name()) && is_behind
         };
         let (apart, ends): (Vec<_>, Vec<_>) = ends.into_iter().partition(is_apart);
         let told_apart = apart.first().map(|(candidate, end)| RunnerUp {
             name: candidate.name(),
-            behind: behind(end),
+            behind: beside.behind(end),
             failed: Vec::new(),
         });
         let at_its_bottom = |(candidate, fitted)| Candidate { fitted, ..candidate };
-        Self { class: ends.into_iter().map(at_its_bottom).collect(), model, told_apart }
+        Self { class: ends.into_iter().map(at_its_bottom).collect(), told_apart, model }
     }
 }
 
@@ -120,25 +159,22 @@ impl NamedEffect {
     /// Where rows count about a model with it, which loses so much without it: what is behind there at its bottom, by the fitted rows and
     /// by those that judge, is told apart.
     pub(super) fn tell_apart(&mut self, problem: &Problem<'_>, model: &Fitted, lost: f64) {
-        let scale = scale(model.cost, problem.count(Part::Fit));
-        let margin = scale * margin(lost / scale);
         let held = |fitted: &Fitted| Blocks::new(problem, &fitted.model).cost();
-        let judged = LazyCell::new(|| held(model) + margin);
+        let beside = Beside::of(model, lost, problem.count(Part::Fit), &held);
         let (name, mut apart) = (self.name, None);
-        let mut stays = |candidate: &Candidate| {
-            if candidate.name() == name || is_alias(name, candidate.name()) {
+        self.class.retain(|(candidate, _)| {
+            let other = candidate.name();
+            if other == name || is_alias(name, other) {
                 return true;
             }
             let end = to_the_bottom(problem, &candidate.fitted);
-            let behind = end.total - model.total;
-            let is_apart = behind > margin && held(&end) > *judged;
+            let is_apart = beside.is_behind(&end) && beside.is_behind_where_judged(&end);
             if is_apart {
-                let name = candidate.name();
-                apart.get_or_insert(RunnerUp { name, behind: behind / scale, failed: Vec::new() });
+                let behind = beside.behind(&end);
+                apart.get_or_insert(RunnerUp { name: other, behind, failed: Vec::new() });
             }
             !is_apart
-        };
-        self.class.retain(|(candidate, _)| stays(candidate));
+        });
         self.runner_up = apart.or(self.runner_up.take());
         let all: f64 = self.class.iter().map(|(_, weight)| weight).sum();
         self.class.iter_mut().for_each(|(_, weight)| *weight /= all);
@@ -156,7 +192,7 @@ mod tests {
     use crate::config;
     use crate::offline::gap::fit::{Effort, fit, total_of};
     use crate::offline::gap::model::Tried;
-    use crate::offline::gap::sensors::tests::problem_of;
+    use crate::offline::gap::sensors::tests::swinging;
     use crate::plant::effects::entry;
     use crate::plant::tests::paper_axis;
 
@@ -182,8 +218,7 @@ mod tests {
     #[test]
     fn a_lag_is_told_from_a_delay_where_both_kinds_of_rows_say_so() {
         let machine = config::load("paper").expect("a machine");
-        let place_m = |row: usize| 5e-3 * (1.0 - (row as f64 * 5e-4 * 6.0).cos());
-        let mut problem = problem_of(&machine, 6_000, place_m, [1e-7, 1e-7, 0.05]);
+        let mut problem = swinging(&machine, 5e-3);
         let file = Model::new(machine.axes[AxisId::X].plant);
         let with = |name: &str, us: f64| {
             file.with(Tried { entry: entry(name).expect("an effect"), values: [us, 0.0, 0.0] })

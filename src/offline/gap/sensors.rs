@@ -66,6 +66,12 @@ pub(super) mod tests {
     use crate::config::{self, Machine};
     use crate::plant::effects::entry;
 
+    /// An axis that swings by so much to either side for three seconds, with the noise of a good one.
+    pub(in super::super) fn swinging(machine: &Machine, by_m: f64) -> Problem<'_> {
+        let place_m = |row: usize| by_m * (1.0 - (row as f64 * 5e-4 * 6.0).cos());
+        problem_of(machine, 6_000, place_m, [1e-7, 1e-7, 0.05])
+    }
+
     /// Axis x of a machine that goes where it is told, hardly as it would; noise of each signal is so loud.
     pub(in super::super) fn problem_of<'m>(
         machine: &'m Machine,
