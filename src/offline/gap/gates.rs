@@ -20,7 +20,7 @@ use super::little::is_stick;
 use super::model::{Model, Tried};
 use super::nearby::costs_nearby;
 use super::problem::Problem;
-use super::refit::{ITERATIONS, is_far};
+use super::refit::{ITERATIONS, explains_much, is_far};
 use super::usual::is_usual;
 use crate::plant::effects::{CATALOGUE, Entry, Experiment, Parameter};
 
@@ -73,6 +73,11 @@ impl Candidate {
     /// Name of the effect that it adds, whichever law of it.
     pub fn name(&self) -> &'static str {
         self.fitted.model.effects.last().map_or("", |tried| tried.entry.effect())
+    }
+
+    /// Whether nearly every axis has that effect.
+    pub(super) fn is_usual(&self) -> bool {
+        self.fitted.model.effects.last().is_some_and(|tried| is_usual(tried.entry))
     }
 
     /// Keys and values of that effect.
@@ -200,13 +205,13 @@ pub(super) fn tried(
             && of.is_some_and(shows_where_judged)
             && Blocks::new(problem, &fitted.model).cost() > without_held
     };
-    let is_worth_it = |fitted: &Fitted| is_far(fitted, without) && !is_of_fit_alone(fitted);
+    let is_worth_it = |fitted: &Fitted| explains_much(fitted, without) && !is_of_fit_alone(fitted);
     let grown = |fitted: Fitted| if is_worth_it(&fitted) { refit(&fitted.model) } else { fitted };
     let both = |model: &Model| {
         let own = grown(fit(problem, model, Effort::Coarse(ITERATIONS[1]), Some(here)));
         // At its bound an effect may be on its way to another, and what leads far may lead to what is alike.
         let is_at_bound = own.model.is_at_bound(own.model.effects.len() - 1);
-        let goes_on = is_at_bound || is_far(&own, without);
+        let goes_on = is_at_bound || explains_much(&own, without);
         // Where that one is promising by itself, it began from where this one went already.
         let is_tried = |other: &Model| promising.iter().any(|one| last_of(one) == last_of(other));
         let is_asked = |other: &Model| goes_on && (is_at_bound || !is_tried(other));

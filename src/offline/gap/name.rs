@@ -24,8 +24,8 @@ use super::named::{Named, NamedEffect, RunnerUp, is_alias};
 use super::near::{Near, ROUGHLY, explains_as_much, is_with_less, margin, price_of_a_number, weighed};
 use super::problem::{Part, Problem};
 use super::refit::{
-    ITERATIONS, about, anew, another_way, base_refitted, beside, coarsely, coarsely_from, ended, is_far,
-    is_noise, refitted, unsettled,
+    ITERATIONS, about, anew, another_way, base_refitted, beside, coarsely, coarsely_from, ended,
+    explains_much, is_noise, refitted, unsettled,
 };
 use super::shortlist::{Scored, shortlist};
 use super::spectrum::Peaks;
@@ -47,8 +47,6 @@ const EFFECTS_MAX: usize = 4;
 /// effects gain a thousandth of what is left.
 const VALLEYS: usize = 2;
 const DEEPER: f64 = 0.998;
-/// What explains so much of what it leaves is asked for need as rows count beside it, too.
-const MUCH: f64 = 0.02;
 /// An effect of whose gain the base makes so much by itself, once it has been led out of its valley, is asked for again from there.
 const OF_BASE: f64 = 0.4;
 
@@ -165,14 +163,16 @@ pub fn name<'m>(
         let (least, most) = (best.evidence - margin, count(best));
         let doubted = best.evidence - price_of_a_number(best.fitted.cost, rows);
         let best = best.clone();
-        // Louder noise tells little of which explains most: that is left to the bottoms.
-        let roughly = louder.as_ref().map_or(best.evidence, |_| (1.0 - ROUGHLY) * best.evidence);
+        // Louder noise tells little of which explains most, and what nearly every axis has is as likely as what scales all of the base:
+        // that is left to the bottoms.
+        let roughly = (1.0 - ROUGHLY) * best.evidence;
         let (mut near, rest): (Vec<Candidate>, Vec<Candidate>) = passed.into_iter().partition(|candidate| {
             let is_as_good = candidate.evidence > least || explains_as_much(candidate, &best, rows);
             let is_near = is_as_good && count(candidate) <= most;
             let is_less =
                 candidate.evidence > doubted && is_with_less(&candidate.fitted.model, &best.fitted.model);
-            is_near || is_less || candidate.evidence > roughly || is_alias(best_name, candidate.name())
+            let is_roughly = candidate.evidence > roughly && (louder.is_some() || candidate.is_usual());
+            is_near || is_less || is_roughly || is_alias(best_name, candidate.name())
         });
         // Its twin may have been left behind on the way; what holds for one holds for both.
         let twin = near[0].fitted.with_last_as_its_twin().filter(|_| problem.has_table());
@@ -184,7 +184,7 @@ pub fn name<'m>(
         progress(&format!("{best_name}: is it needed?"));
         // What is far was fitted by all ways already.
         let bottom_of = |Candidate { fitted, .. }: &Candidate| {
-            if is_first && !is_far(fitted, at) {
+            if is_first && !explains_much(fitted, at) {
                 refitted(&problem, &once, &fitted.model, start)
             } else {
                 to_the_bottom(&problem, fitted)
@@ -218,8 +218,7 @@ pub fn name<'m>(
         };
         let (mut test, mut need, mut lost) = put_to_the_test(&problem, &once, &model, &blocks);
         // Rows that judge may deny what explains much as they count, and as noise moves means, about a base that lacks it.
-        let explains_much = test.fitted.total > (1.0 + MUCH) * model.total;
-        if lost == Some(Gate::Needed) && explains_much {
+        if lost == Some(Gate::Needed) && explains_much(&model, &test.fitted) {
             let near = beside(&problem, &model.model);
             let (near_once, other) = (near.first_passes(), to_the_bottom(&near, &model));
             let of_other = Blocks::new(&near, &other.model);
