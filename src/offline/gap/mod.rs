@@ -51,6 +51,7 @@ mod little;
 pub mod linear;
 pub mod locate;
 pub mod logged;
+mod look;
 mod louder;
 pub mod model;
 mod motions;

@@ -10,14 +10,12 @@
 //!
 //! Invariant: an effect that is named has passed every gate; one that has failed one is listed with it.
 
-use rayon::prelude::*;
-
 use super::blocks::Blocks;
 use super::clocks;
-use super::fit::{self, Effort, Fitted, believed, fit, scale, to_the_bottom, total_of};
-use super::gates::{self, Candidate, Gate, tried};
-use super::linear::Linear;
+use super::fit::{Effort, Fitted, fit, to_the_bottom, total_of};
+use super::gates::{self, Candidate, Gate};
 use super::little::without_little;
+use super::look::Look;
 use super::louder::Louder;
 use super::model::Model;
 use super::named::{Named, NamedEffect, RunnerUp, is_alias};
@@ -27,20 +25,9 @@ use super::refit::{
     ITERATIONS, about, anew, another_way, base_refitted, beside, coarsely, coarsely_from, ended,
     explains_much, is_noise, refitted, unsettled,
 };
-use super::shortlist::{Scored, shortlist};
-use super::spectrum::Peaks;
 use super::usual;
 use super::without::{Need, Without};
 
-/// Candidates that are fitted together with the base to the first pass of each command. Those that explain this share of
-/// what the best of them explains, and the surest, stay after a few iterations from the better of two starts; in the end those of
-/// the second share are fitted to all rows, and the others where none of these passes.
-const FITTED: usize = 6;
-const SHARES: [f64; 2] = [0.1, 0.6];
-/// What leaves so many times as much as another candidate has no prospect beside it.
-const HOPELESS: f64 = 20.0;
-/// Iterations of a candidate that is fitted to few rows, before it may be dropped.
-const FEW: usize = 2;
 /// Most effects that are named of an axis.
 const EFFECTS_MAX: usize = 4;
 /// How often the search goes on from a deeper place of the base to which an effect led that is not needed, and what is deeper: small
@@ -103,16 +90,9 @@ pub fn name<'m>(
             Some(louder) => (&louder.problem, &louder.once, &louder.fitted, [&louder.blocks, &louder.alone]),
             None => (&problem, &once, &model, [&blocks, &alone]),
         };
-        let peaks = Peaks::new(search, &at.model);
-        let free = Linear::widest(&searched.holding_force(false), &at.model);
-        // What the base may not go further with makes up for no more.
-        let held: Vec<usize> = at.model.at_reach().collect();
-        // All passes tell more than the first of each command.
-        let passes = search.count(Part::Fit) as f64 / searched.count(Part::Fit).max(1) as f64;
-        let listed = shortlist(searched, &free.holding(&held), &|parameter| peaks.of(parameter), passes);
-        progress("fitting what may be missing");
-        let force: Vec<usize> = at.model.constant_force().into_iter().collect();
-        let mut promising = screened(searched, &free.holding(&force), &listed.scored);
+        let look = Look { search, searched, at, judged };
+        let mut promising;
+        (promising, smallest) = look.promising(progress);
         // Where it leads to is known, and by a line from here it may not come there.
         if let Some(leader) = leader.take() {
             promising
@@ -120,8 +100,6 @@ pub fn name<'m>(
                 .for_each(|all| all.retain(|one| gates::last_of(one) != gates::last_of(&leader)));
             promising[0].push(leader);
         }
-        smallest = listed.smallest;
-        let mut candidates = Vec::new();
         let is_first = effects.is_empty();
         // It is fitted to the bottom when it has been chosen. What comes beside what was named goes on from there: that tells which
         // valley it is, unless it left much.
@@ -132,15 +110,7 @@ pub fn name<'m>(
                 fit(search, &ended(searched, model), Effort::Coarse(ITERATIONS[0]), None)
             }
         };
-        // Of all rows, where anything is to be fitted to them.
-        let mut here = None;
-        for promising in promising.iter().filter(|promising| !promising.is_empty()) {
-            let here = here.get_or_insert_with(|| Linear::widest(search, &at.model));
-            candidates.extend(tried(search, here, at, judged, promising, &refit));
-            if candidates.iter().any(|candidate: &Candidate| candidate.failed.is_empty()) {
-                break;
-            }
-        }
+        let mut candidates = look.tried(&promising, &refit);
         candidates.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
         let (passed, failed): (Vec<Candidate>, Vec<Candidate>) =
             candidates.into_iter().partition(|candidate| candidate.failed.is_empty());
@@ -342,52 +312,4 @@ fn taken_back(
 ) -> (Fitted, Blocks) {
     refused.extend(effects.pop().and_then(|last| last.refused_by(gate)));
     (test.fitted, test.blocks)
-}
-
-/// The most promising of a list, fitted to few rows beside the model that was fitted before, from the better of two
-/// starts: those that explain most of it, and those that explain less.
-fn screened(once: &Problem<'_>, here: &Linear, listed: &[Scored]) -> [Vec<Model>; 2] {
-    let without = here.cost() + believed(&here.model);
-    let rows = once.count(Part::Fit);
-    let explained = |fitted: &Fitted| {
-        let parameters = fitted.model.numbers() - here.model.numbers();
-        (without - fitted.total) / scale(fitted.cost, rows) - parameters as f64 * (rows.max(1) as f64).ln()
-    };
-    let best = |all: &mut dyn Iterator<Item = &Fitted>| all.map(explained).fold(0.0, f64::max);
-    let begun = |scored: &Scored| {
-        let [first, second] = &scored.starts;
-        let start = if total_of(once, second) < total_of(once, first) { second } else { first };
-        fit::ending(once, start, Effort::Coarse(FEW), Some(here))
-    };
-    let ended = |(begun, has_ended): (Fitted, bool)| {
-        let effort = Effort::Coarse(ITERATIONS[1] - FEW);
-        if has_ended { begun } else { fit(once, &begun.model, effort, Some(here)) }
-    };
-    let tried = listed.par_iter().enumerate().filter(|(place, one)| *place < FITTED || one.is_sure);
-    let mut begun: Vec<(Fitted, bool)> = tried.map(|(_, one)| begun(one)).collect();
-    let is_sure = |fitted: &Fitted| {
-        listed.iter().any(|one| one.is_sure && Some(one.entry().name) == gates::last_of(&fitted.model))
-    };
-    // What is alike is tried from where the other went: where one leads far from the base, the linear estimate of the
-    // other may not.
-    let alike: Vec<Model> = begun.iter().flat_map(|(one, _)| one.model.with_last_as_alike()).collect();
-    let alike: Vec<(Fitted, bool)> =
-        alike.par_iter().map(|one| fit::ending(once, one, Effort::Coarse(FEW), Some(here))).collect();
-    for other in alike {
-        let name = |(fitted, _): &(Fitted, bool)| gates::last_of(&fitted.model);
-        match begun.iter_mut().find(|one| name(one) == name(&other)) {
-            Some((one, _)) if one.total <= other.0.total => {}
-            Some(one) => *one = other,
-            None => begun.push(other),
-        }
-    }
-    let least = SHARES[0] * best(&mut begun.iter().map(|(one, _)| one));
-    begun.retain(|(one, _)| explained(one) > least || is_sure(one));
-    let mut ended: Vec<Fitted> = begun.into_par_iter().map(ended).collect();
-    ended.retain(|one| explained(one) > 0.0 || is_sure(one));
-    let least = SHARES[1] * best(&mut ended.iter());
-    let hopeless = HOPELESS * ended.iter().map(|one| one.total).fold(f64::INFINITY, f64::min);
-    let (most, less): (Vec<Fitted>, Vec<Fitted>) =
-        ended.into_iter().partition(|one| explained(one) >= least && one.total < hopeless);
-    [most, less].map(|all| all.into_iter().map(|fitted| fitted.model).collect())
 }

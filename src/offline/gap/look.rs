@@ -1,0 +1,123 @@
+//! One look for what a model lacks: a list of what may be missing, the most promising of it fitted to few rows, and those of
+//! all rows that are worth it.
+//!
+//! Invariant: the same rows and the same model find the same.
+
+use rayon::prelude::*;
+
+use super::blocks::Blocks;
+use super::fit::{self, Effort, Fitted, believed, fit, scale, total_of};
+use super::gates::{self, Candidate};
+use super::linear::Linear;
+use super::model::Model;
+use super::problem::{Part, Problem};
+use super::refit::ITERATIONS;
+use super::shortlist::{Scored, shortlist};
+use super::smallest::Smallest;
+use super::spectrum::Peaks;
+
+/// Candidates that are fitted together with the base to the first pass of each command. Those that explain this share of
+/// what the best of them explains, and the surest, stay after a few iterations from the better of two starts; in the end those of
+/// the second share are fitted to all rows, and the others where none of these passes.
+const FITTED: usize = 6;
+const SHARES: [f64; 2] = [0.1, 0.6];
+/// What leaves so many times as much as another candidate has no prospect beside it.
+const HOPELESS: f64 = 20.0;
+/// Iterations of a candidate that is fitted to few rows, before it may be dropped.
+const FEW: usize = 2;
+
+/// Where it is looked, and for what.
+pub(super) struct Look<'s, 'm> {
+    /// All rows.
+    pub(super) search: &'s Problem<'m>,
+    /// Each command once.
+    pub(super) searched: &'s Problem<'m>,
+    /// The model that lacks it.
+    pub(super) at: &'s Fitted,
+    /// What that model and the base alone leave of the rows that judge.
+    pub(super) judged: [&'s Blocks; 2],
+}
+
+impl Look<'_, '_> {
+    /// The most promising, those that are tried first and the others; and what would have been seen of each effect.
+    pub(super) fn promising(&self, progress: &(dyn Fn(&str) + Sync)) -> ([Vec<Model>; 2], Vec<Smallest>) {
+        let Self { search, searched, at: Fitted { model, .. }, .. } = self;
+        let peaks = Peaks::new(search, model);
+        let free = Linear::widest(&searched.holding_force(false), model);
+        // What the base may not go further with makes up for no more.
+        let held: Vec<usize> = model.at_reach().collect();
+        // All passes tell more than the first of each command.
+        let passes = search.count(Part::Fit) as f64 / searched.count(Part::Fit).max(1) as f64;
+        let listed = shortlist(searched, &free.holding(&held), &|parameter| peaks.of(parameter), passes);
+        progress("fitting what may be missing");
+        let force: Vec<usize> = model.constant_force().into_iter().collect();
+        (screened(searched, &free.holding(&force), &listed.scored), listed.smallest)
+    }
+
+    /// Those fitted to all rows and put to the gates: the others only where none of the first passes.
+    pub(super) fn tried(
+        &self,
+        promising: &[Vec<Model>; 2],
+        refit: &(dyn Fn(&Model) -> Fitted + Sync),
+    ) -> Vec<Candidate> {
+        let mut candidates = Vec::new();
+        // Of all rows, where anything is to be fitted to them.
+        let mut here = None;
+        for promising in promising.iter().filter(|promising| !promising.is_empty()) {
+            let here = here.get_or_insert_with(|| Linear::widest(self.search, &self.at.model));
+            candidates.extend(gates::tried(self.search, here, self.at, self.judged, promising, refit));
+            if candidates.iter().any(|candidate: &Candidate| candidate.failed.is_empty()) {
+                break;
+            }
+        }
+        candidates
+    }
+}
+
+/// The most promising of a list, fitted to few rows beside the model that was fitted before, from the better of two
+/// starts: those that explain most of it, and those that explain less.
+fn screened(once: &Problem<'_>, here: &Linear, listed: &[Scored]) -> [Vec<Model>; 2] {
+    let without = here.cost() + believed(&here.model);
+    let rows = once.count(Part::Fit);
+    let explained = |fitted: &Fitted| {
+        let parameters = fitted.model.numbers() - here.model.numbers();
+        (without - fitted.total) / scale(fitted.cost, rows) - parameters as f64 * (rows.max(1) as f64).ln()
+    };
+    let best = |all: &mut dyn Iterator<Item = &Fitted>| all.map(explained).fold(0.0, f64::max);
+    let begun = |scored: &Scored| {
+        let [first, second] = &scored.starts;
+        let start = if total_of(once, second) < total_of(once, first) { second } else { first };
+        fit::ending(once, start, Effort::Coarse(FEW), Some(here))
+    };
+    let ended = |(begun, has_ended): (Fitted, bool)| {
+        let effort = Effort::Coarse(ITERATIONS[1] - FEW);
+        if has_ended { begun } else { fit(once, &begun.model, effort, Some(here)) }
+    };
+    let tried = listed.par_iter().enumerate().filter(|(place, one)| *place < FITTED || one.is_sure);
+    let mut begun: Vec<(Fitted, bool)> = tried.map(|(_, one)| begun(one)).collect();
+    let is_sure = |fitted: &Fitted| {
+        listed.iter().any(|one| one.is_sure && Some(one.entry().name) == gates::last_of(&fitted.model))
+    };
+    // What is alike is tried from where the other went: where one leads far from the base, the linear estimate of the
+    // other may not.
+    let alike: Vec<Model> = begun.iter().flat_map(|(one, _)| one.model.with_last_as_alike()).collect();
+    let alike: Vec<(Fitted, bool)> =
+        alike.par_iter().map(|one| fit::ending(once, one, Effort::Coarse(FEW), Some(here))).collect();
+    for other in alike {
+        let name = |(fitted, _): &(Fitted, bool)| gates::last_of(&fitted.model);
+        match begun.iter_mut().find(|one| name(one) == name(&other)) {
+            Some((one, _)) if one.total <= other.0.total => {}
+            Some(one) => *one = other,
+            None => begun.push(other),
+        }
+    }
+    let least = SHARES[0] * best(&mut begun.iter().map(|(one, _)| one));
+    begun.retain(|(one, _)| explained(one) > least || is_sure(one));
+    let mut ended: Vec<Fitted> = begun.into_par_iter().map(ended).collect();
+    ended.retain(|one| explained(one) > 0.0 || is_sure(one));
+    let least = SHARES[1] * best(&mut ended.iter());
+    let hopeless = HOPELESS * ended.iter().map(|one| one.total).fold(f64::INFINITY, f64::min);
+    let (most, less): (Vec<Fitted>, Vec<Fitted>) =
+        ended.into_iter().partition(|one| explained(one) >= least && one.total < hopeless);
+    [most, less].map(|all| all.into_iter().map(|fitted| fitted.model).collect())
+}
