@@ -80,6 +80,11 @@ impl Candidate {
         self.fitted.model.effects.last().is_some_and(|tried| is_usual(tried.entry))
     }
 
+    /// Whether the scale at the table alone shows it.
+    pub(super) fn is_of_table_scale(&self) -> bool {
+        self.fitted.model.effects.last().is_some_and(|tried| tried.entry.is_of_table_scale())
+    }
+
     /// Keys and values of that effect.
     pub fn values(&self) -> impl Iterator<Item = (&'static str, f64)> {
         let keyed = |tried: &Tried| tried.entry.parameters.iter().map(|one| one.key).zip(tried.values);

@@ -133,15 +133,16 @@ pub fn name<'m>(
         let (least, most) = (best.evidence - margin, count(best));
         let doubted = best.evidence - price_of_a_number(best.fitted.cost, rows);
         let best = best.clone();
-        // Louder noise tells little of which explains most, and what nearly every axis has is as likely as what scales all of the base:
-        // that is left to the bottoms.
+        // Louder noise tells little of which explains most, what nearly every axis has is as likely as what scales all of the base, and
+        // what a scale alone shows moves no table that sticks, so that few steps fit it: that is left to the bottoms.
         let roughly = (1.0 - ROUGHLY) * best.evidence;
+        let is_rough = louder.is_some() || best.is_of_table_scale();
         let (mut near, rest): (Vec<Candidate>, Vec<Candidate>) = passed.into_iter().partition(|candidate| {
             let is_as_good = candidate.evidence > least || explains_as_much(candidate, &best, rows);
             let is_near = is_as_good && count(candidate) <= most;
             let is_less =
                 candidate.evidence > doubted && is_with_less(&candidate.fitted.model, &best.fitted.model);
-            let is_roughly = candidate.evidence > roughly && (louder.is_some() || candidate.is_usual());
+            let is_roughly = candidate.evidence > roughly && (is_rough || candidate.is_usual());
             is_near || is_less || is_roughly || is_alias(best_name, candidate.name())
         });
         // Its twin may have been left behind on the way; what holds for one holds for both.
