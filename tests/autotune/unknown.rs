@@ -38,7 +38,7 @@ use crate::common::{X, Y, machine_with};
 use crate::machines;
 
 /// Machines that are asked; with `QUADRANT_FULL` the second.
-const MACHINES: [u64; 2] = [8, 20];
+const MACHINES: [u64; 2] = [6, 20];
 /// How far the protrusion may be from that with the true parameters.
 const SHARE: f64 = 0.10;
 /// What is asked of the loops of the machine that was identified, and what those of the true one must keep of it.

@@ -48,7 +48,7 @@ fn the_paper_machine_shows_the_circles_of_the_paper() {
 #[test]
 fn height_over_the_friction_free_response_and_over_the_arc_agree() {
     let folder = TempDir::new().unwrap();
-    for feed in ["500", "2000", "8000"] {
+    for feed in ["1000", "2000", "8000"] {
         let arguments = [
             "circle",
             "--feed-mm-per-min",
