@@ -394,9 +394,15 @@ fn costs_much(gained: &[f64]) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+    use std::sync::atomic::{AtomicBool, Ordering};
+
     use nalgebra::DMatrix;
 
     use super::*;
+    use crate::base::axis::AxisId;
+    use crate::config;
+    use crate::offline::gap::sensors::tests::swinging;
     use crate::plant::effects::entry;
     use crate::plant::tests::paper_axis;
 
@@ -415,6 +421,33 @@ mod tests {
                 Candidate { fitted: fitted.clone(), held: 0.0, evidence: 0.0, failed: failed.to_vec() };
             assert_eq!(candidate.shows_something(), shows, "{failed:?}");
             assert_eq!(candidate.is_doubtful(), is_doubtful, "{failed:?}");
+        }
+    }
+
+    #[test]
+    fn what_explains_a_fiftieth_is_fitted_by_all_ways() {
+        let machine = config::load("paper").expect("a machine");
+        let mut problem = swinging(&machine, 5e-3);
+        let file = Model::new(machine.axes[AxisId::X].plant);
+        let with = |name: &str, value: f64| {
+            file.with(Tried { entry: entry(name).expect("an effect"), values: [value, 50.0, 0.0] })
+        };
+        let mut data = problem.data[0].clone();
+        data.measured = problem.simulated(0, &with("torque-disturbance", 0.5));
+        problem = problem.with_data(Arc::new(vec![data]));
+        let promising = [with("backlash", 0.1)];
+        let here = Linear::widest(&problem, &file);
+        let own = fit(&problem, &promising[0], Effort::Coarse(ITERATIONS[1]), Some(&here));
+        let blocks = Blocks::new(&problem, &file);
+        for (explained, is_asked) in [(0.01, false), (0.03, true)] {
+            let without = Fitted { model: file.clone(), total: (1.0 + explained) * own.total, ..own.clone() };
+            let asked = AtomicBool::new(false);
+            let refit = |model: &Model| {
+                asked.store(true, Ordering::Relaxed);
+                fit(&problem, model, Effort::Coarse(0), None)
+            };
+            tried(&problem, &here, &without, [&blocks, &blocks], &promising, &refit);
+            assert_eq!(asked.into_inner(), is_asked, "{explained}");
         }
     }
 

@@ -19,7 +19,9 @@ use super::look::Look;
 use super::louder::Louder;
 use super::model::Model;
 use super::named::{Named, NamedEffect, RunnerUp, is_alias};
-use super::near::{Near, ROUGHLY, explains_as_much, is_with_less, margin, price_of_a_number, weighed};
+use super::near::{
+    Near, explains_as_much, explains_roughly_as_much, is_with_less, margin, price_of_a_number, weighed,
+};
 use super::problem::{Part, Problem};
 use super::refit::{
     ITERATIONS, about, anew, another_way, base_refitted, beside, coarsely, coarsely_from, ended,
@@ -133,16 +135,12 @@ pub fn name<'m>(
         let (least, most) = (best.evidence - margin, count(best));
         let doubted = best.evidence - price_of_a_number(best.fitted.cost, rows);
         let best = best.clone();
-        // Louder noise tells little of which explains most, what nearly every axis has is as likely as what scales all of the base, and
-        // what a scale alone shows moves no table that sticks, so that few steps fit it: that is left to the bottoms.
-        let roughly = (1.0 - ROUGHLY) * best.evidence;
-        let is_rough = louder.is_some() || best.is_of_table_scale();
         let (mut near, rest): (Vec<Candidate>, Vec<Candidate>) = passed.into_iter().partition(|candidate| {
             let is_as_good = candidate.evidence > least || explains_as_much(candidate, &best, rows);
             let is_near = is_as_good && count(candidate) <= most;
             let is_less =
                 candidate.evidence > doubted && is_with_less(&candidate.fitted.model, &best.fitted.model);
-            let is_roughly = candidate.evidence > roughly && (is_rough || candidate.is_usual());
+            let is_roughly = explains_roughly_as_much(candidate, &best, louder.is_some());
             is_near || is_less || is_roughly || is_alias(best_name, candidate.name())
         });
         // Its twin may have been left behind on the way; what holds for one holds for both.

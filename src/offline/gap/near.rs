@@ -15,8 +15,8 @@ use super::problem::{Part, Problem};
 
 /// Candidates whose evidence is nearer than this, or than this share, cannot be told apart.
 const NEAR: (f64, f64) = (20.0, 0.02);
-/// The same share where noise is taken for louder than it is: all of these are fitted to the bottom.
-pub(super) const ROUGHLY: f64 = 0.15;
+/// The same share where coarse fits tell little: all of these are fitted to the bottom.
+const ROUGHLY: f64 = 0.15;
 /// What an effect must explain of what is left beyond noise to come before the one that it is with a number less: where that is much, in small
 /// reversals without a table scale, it may be what bends a soft zone out of a play.
 const FURTHER: f64 = 0.2;
@@ -29,6 +29,14 @@ pub(super) fn margin(evidence: f64) -> f64 {
 /// Whether a candidate explains the fitted rows as well as the best: it may be behind where it judges for not standing at its bottom yet.
 pub(super) fn explains_as_much(candidate: &Candidate, best: &Candidate, rows: usize) -> bool {
     candidate.fitted.total < best.fitted.total + margin(best.evidence) * scale(best.fitted.cost, rows)
+}
+
+/// Whether a candidate explains so nearly as much that bottoms must tell. Louder noise tells little of which explains most; what nearly every
+/// axis has is as likely as what scales all of the base; and what a scale alone shows moves no table that sticks, so that few steps
+/// fit it where they fit no other.
+pub(super) fn explains_roughly_as_much(candidate: &Candidate, best: &Candidate, is_louder: bool) -> bool {
+    let is_rough = is_louder || candidate.is_usual() || best.is_of_table_scale();
+    is_rough && candidate.evidence > (1.0 - ROUGHLY) * best.evidence
 }
 
 /// By how much an explanation must be better than the one that it is with a number less, where the best costs so much.
@@ -255,6 +263,20 @@ mod tests {
             let behind = Candidate { evidence: 40_000.0, ..candidate("actuator-delay", left) };
             assert_eq!(explains_as_much(&behind, &best, 10_000), is_near, "{left}");
         }
+    }
+
+    #[test]
+    fn bottoms_tell_what_louder_noise_does_not_what_every_axis_has_and_what_stands_beside_an_error_of_the_scale()
+     {
+        let asked = |best: &str, other: &str, left: f64, is_louder: bool| {
+            explains_roughly_as_much(&candidate(other, left), &candidate(best, 10_000.0), is_louder)
+        };
+        assert!(asked("load-dependent-friction", "viscous-friction", 21_000.0, false));
+        assert!(!asked("load-dependent-friction", "viscous-friction", 23_000.0, false));
+        assert!(!asked("viscous-friction", "load-dependent-friction", 21_000.0, false));
+        assert!(asked("scale-error", "spring-load", 21_000.0, false));
+        assert!(!asked("spring-load", "scale-error", 21_000.0, false));
+        assert!(asked("spring-load", "scale-error", 21_000.0, true));
     }
 
     #[test]
