@@ -13,7 +13,7 @@ use quadrant::rt::bus::{Format, Frame};
 use quadrant::rt::door::Records;
 use rstest::rstest;
 
-use crate::common::machine;
+use crate::common::{X, Y, machine};
 use crate::eventful::{Kept, eventful};
 
 const WALL_AT_ZERO_NS: i64 = 1_800_000_000_123_456_789;
@@ -186,8 +186,8 @@ fn what_a_text_lacks_is_counted_where_it_is_lacking() {
     assert!(!paused.is_whole());
     let at = |kept: &Kept, cycle| kept.iter().find(|(record, _)| record.cycle == cycle).expect("a record").0;
     let (was, is) = (at(&kept, 360), at(&after, 360));
-    assert_eq!(is.axes[crate::common::X].sample.position, was.axes[crate::common::X].sample.position);
-    assert_eq!((is.overruns, is.axes[crate::common::X].sample.age_cycles), (was.overruns, 0));
+    assert_eq!(is.axes[X].sample.position, was.axes[X].sample.position);
+    assert_eq!((is.overruns, is.axes[X].sample.age_cycles), (was.overruns, 0));
 
     // A feedback and a command that nobody saw.
     let mut lines = whole.clone();
@@ -199,12 +199,9 @@ fn what_a_text_lacks_is_counted_where_it_is_lacking() {
     let (told, after) = taken(&lines);
     assert_eq!((told.commands_missing, told.cycles_missing, told.sequence_breaks), (1, 0, 0));
     let record = at(&after, 400);
-    assert_eq!(
-        (record.axes[crate::common::X].sample.age_cycles, record.axes[crate::common::Y].sample.age_cycles),
-        (1, 0)
-    );
-    assert_eq!(record.axes[crate::common::Y].refusal, Refusal::Unknown);
-    assert!(record.axes[crate::common::Y].command.current.as_a().is_nan());
+    assert_eq!((record.axes[X].sample.age_cycles, record.axes[Y].sample.age_cycles), (1, 0));
+    assert_eq!(record.axes[Y].refusal, Refusal::Unknown);
+    assert!(record.axes[Y].command.current.as_a().is_nan());
 
     // A stranger's commands and SYNCs, and what the listener says of itself.
     let stranger = whole[command].replace(" 202#", " 201#");
@@ -255,9 +252,9 @@ fn feedback_behind_the_reply_window_is_late_as_it_was_live() {
         let (told, after) = taken(&lines);
         assert!(told.is_whole());
         let record = |cycle| after.iter().find(|(record, _)| record.cycle == cycle).expect("a record").0;
-        let x = record(400).axes[crate::common::X];
+        let x = record(400).axes[X];
         assert_eq!(x.sample.age_cycles, stale, "{} us behind the window", us);
-        let late = record(401).axes[crate::common::X].link.late - x.link.late;
+        let late = record(401).axes[X].link.late - x.link.late;
         assert_eq!(late, stale, "late in the cycle behind it");
     }
 }
@@ -272,7 +269,7 @@ fn a_text_that_begins_within_a_run_begins_with_its_first_sync() {
     let (was, is) = (kept[kept.len() - 1].0, after[after.len() - 1].0);
     assert_eq!(is.timing, was.timing, "moments of the run");
     let way = |kept: &Kept| {
-        let position = |at: usize| kept[at].0.axes[crate::common::X].sample.position.as_um();
+        let position = |at: usize| kept[at].0.axes[X].sample.position.as_um();
         position(kept.len() - 1) - position(kept.len() - after.len())
     };
     // Positions count from the first sample, so it is the way that is the same.

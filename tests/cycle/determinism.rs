@@ -6,7 +6,7 @@ use quadrant::base::units::{Position, Velocity};
 use quadrant::config::{self, Machine};
 use quadrant::rt::control::profile::CircleMotion;
 
-use crate::circle_run::{Kept, paper_circle};
+use crate::circle_run::{self, Kept, paper_circle};
 
 /// A circle small enough to reverse eight times in a few seconds.
 fn small_circle() -> CircleMotion {
@@ -18,7 +18,7 @@ fn small_circle() -> CircleMotion {
 
 fn records(machine: &Machine, seed: u64) -> Vec<CycleRecord> {
     let mut kept = Kept::default();
-    crate::circle_run::run(machine, "standard", small_circle(), seed, &mut kept);
+    circle_run::run(machine, "standard", small_circle(), seed, &mut kept);
     kept.0
 }
 

@@ -10,7 +10,7 @@ use quadrant::config::Machine;
 use quadrant::rt::wire::scaling::{CurrentCounts, TravelCounts};
 use quadrant::rt::wire::{Address, Node};
 
-use crate::common::{Fate, Rig, X, machine_with};
+use crate::common::{self, Fate, Rig, X, machine_with};
 
 /// Machines, each with the line that says how fine its encoders are.
 const MACHINES: [(&str, &str); 3] = [
@@ -21,7 +21,7 @@ const MACHINES: [(&str, &str); 3] = [
 
 /// The faults of X after a jump at this speed: in the next cycle, and three later.
 fn fault_after(machine: &str, speed_mm_per_s: f64, jump_um: f64) -> (Option<Fault>, Option<Fault>) {
-    let mut rig = Rig::new(crate::common::machine(machine), 5);
+    let mut rig = Rig::new(common::machine(machine), 5);
     rig.run(20);
     rig.enable();
     if speed_mm_per_s > 0.0 {

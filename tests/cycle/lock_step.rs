@@ -20,7 +20,7 @@ use quadrant::sim::closed_loop::{Wired, commission};
 use quadrant::sim::rack::Rack;
 use quadrant::sim::session::Session;
 
-use crate::circle_run::paper_circle;
+use crate::circle_run::{paper_circle, procedure};
 
 const SEED: u64 = 7;
 
@@ -101,7 +101,7 @@ fn run<B: Bus>(machine: &Machine, mut bus: B, from_the_host: Faults, to_the_host
     let mut circle = paper_circle(1);
     circle.circle.radius = Position::mm(5.0);
     circle.circle.feed = Velocity::mm_per_min(1500.0);
-    let mut procedure = crate::circle_run::procedure(machine, "standard", circle);
+    let mut procedure = procedure(machine, "standard", circle);
     let mut told = Told::default();
     let mut grid = Virtual::new(machine.cycle.period);
     let last = conduct(&mut cycle, &mut bus, &mut grid, &mut procedure, &mut told);
