@@ -70,25 +70,30 @@ pub struct Candidate {
 }
 
 impl Candidate {
-    /// Name of the effect that it adds, whichever law of it.
+    /// The effect that it adds.
+    fn added(&self) -> Option<&Tried> {
+        self.fitted.model.effects.last()
+    }
+
+    /// Name of that effect, whichever law of it.
     pub fn name(&self) -> &'static str {
-        self.fitted.model.effects.last().map_or("", |tried| tried.entry.effect())
+        self.added().map_or("", |tried| tried.entry.effect())
     }
 
     /// Whether nearly every axis has that effect.
     pub(super) fn is_usual(&self) -> bool {
-        self.fitted.model.effects.last().is_some_and(|tried| is_usual(tried.entry))
+        self.added().is_some_and(|tried| is_usual(tried.entry))
     }
 
     /// Whether the scale at the table alone shows it.
     pub(super) fn is_of_table_scale(&self) -> bool {
-        self.fitted.model.effects.last().is_some_and(|tried| tried.entry.is_of_table_scale())
+        self.added().is_some_and(|tried| tried.entry.is_of_table_scale())
     }
 
     /// Keys and values of that effect.
     pub fn values(&self) -> impl Iterator<Item = (&'static str, f64)> {
         let keyed = |tried: &Tried| tried.entry.parameters.iter().map(|one| one.key).zip(tried.values);
-        self.fitted.model.effects.last().into_iter().flat_map(keyed)
+        self.added().into_iter().flat_map(keyed)
     }
 
     /// Whether it explains what there is, and only its values are not what such an effect has, or some run speaks against it: what a
