@@ -38,6 +38,9 @@ const VALLEYS: usize = 2;
 const DEEPER: f64 = 0.998;
 /// An effect of whose gain the base makes so much by itself, once it has been led out of its valley, is asked for again from there.
 const OF_BASE: f64 = 0.4;
+/// What rows that judge deny is asked for once more, as rows count beside it, where it explains more than this share of what it leaves: noise
+/// that is taken for a tone of small size moves means as much.
+const ASKED_AGAIN: f64 = 5e-3;
 
 /// The base that a search begins with.
 pub struct Base<'m> {
@@ -186,8 +189,8 @@ pub fn name<'m>(
             (test, need, lost)
         };
         let (mut test, mut need, mut lost) = put_to_the_test(&problem, &once, &model, &blocks);
-        // Rows that judge may deny what explains much as they count, and as noise moves means, about a base that lacks it.
-        if lost == Some(Gate::Needed) && explains_much(&model, &test.fitted) {
+        // Rows that judge may deny it as they count, and as noise moves means, about a base that lacks it.
+        if lost == Some(Gate::Needed) && test.fitted.total > (1.0 + ASKED_AGAIN) * model.total {
             let near = beside(&problem, &model.model);
             let (near_once, other) = (near.first_passes(), to_the_bottom(&near, &model));
             let of_other = Blocks::new(&near, &other.model);
