@@ -133,7 +133,7 @@ pub(crate) fn is_same(one: &CycleRecord, other: &CycleRecord) -> bool {
     let bits = |record: &CycleRecord| -> Vec<u64> {
         record.axes.as_slice().iter().flat_map(floats).map(f64::to_bits).collect()
     };
-    // A NaN is nothing's equal, so what `floats` has been compared by is left out.
+    // A NaN equals nothing: what `floats` has is compared by its bits alone.
     let others = |record: &CycleRecord| {
         let mut record = *record;
         for (_, AxisRecord { setpoint, sample, command, .. }) in record.axes.iter_mut() {
