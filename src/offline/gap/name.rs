@@ -24,7 +24,7 @@ use super::near::{
 };
 use super::problem::{Part, Problem};
 use super::refit::{
-    ITERATIONS, about, anew, another_way, base_refitted, beside, coarsely, coarsely_from, ended,
+    ITERATIONS, about, anew, another_way, base_refitted, beside, coarsely, coarsely_from, ended, explains,
     explains_much, is_noise, refitted, unsettled,
 };
 use super::usual;
@@ -190,7 +190,7 @@ pub fn name<'m>(
         };
         let (mut test, mut need, mut lost) = put_to_the_test(&problem, &once, &model, &blocks);
         // Rows that judge may deny it as they count, and as noise moves means, about a base that lacks it.
-        if lost == Some(Gate::Needed) && test.fitted.total > (1.0 + ASKED_AGAIN) * model.total {
+        if lost == Some(Gate::Needed) && explains(ASKED_AGAIN, &model, &test.fitted) {
             let near = beside(&problem, &model.model);
             let (near_once, other) = (near.first_passes(), to_the_bottom(&near, &model));
             let of_other = Blocks::new(&near, &other.model);

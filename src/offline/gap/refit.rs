@@ -246,7 +246,12 @@ pub(super) fn coarsely_from(
 
 /// Whether a model explains much of what another leaves.
 pub(super) fn explains_much(fitted: &Fitted, without: &Fitted) -> bool {
-    without.total > (1.0 + MUCH) * fitted.total
+    explains(MUCH, fitted, without)
+}
+
+/// Whether a model explains more of what another leaves than a share of what is left by itself.
+pub(super) fn explains(share: f64, fitted: &Fitted, without: &Fitted) -> bool {
+    without.total > (1.0 + share) * fitted.total
 }
 
 /// Whether it explains so much that no valley of stick and slip may have a say.
