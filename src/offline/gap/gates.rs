@@ -32,7 +32,7 @@ pub(super) const FALL: f64 = 10.0;
 pub(super) const HELD_FALL: f64 = 25.0;
 const HELD_SHARE: f64 = 0.02;
 /// A further effect must make the cost fall there by this share of what those before it did: their equations may be off by as
-/// much, and so is what they leave.
+/// much, and so is what they leave. Of gains they are not.
 pub(super) const FURTHER: f64 = 0.04;
 /// Cost per row that is plainly more than that of noise, as a ratio.
 pub(super) const PLAIN: f64 = 1.05;
@@ -342,7 +342,8 @@ pub(super) fn judged(
     } else if !is_sure && !failed.contains(&Gate::Amplitude) {
         failed.push(Gate::Amplitude);
     }
-    let before = (0..added).filter(|place| !is_usual(fitted.model.effects[*place].entry));
+    let may_be_off = |entry: &Entry| !is_usual(entry) && !entry.is_of_gains();
+    let before = (0..added).filter(|place| may_be_off(fitted.model.effects[*place].entry));
     let before: Vec<usize> = before.flat_map(|place| self::telling(&fitted.model, place)).collect();
     let foretold = LazyCell::new(|| crossed::foretold(problem, &fitted, &telling, &before));
     let rows_that_judge_are_silent = is_sure

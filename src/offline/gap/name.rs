@@ -79,7 +79,7 @@ pub fn name<'m>(
     if let Some(behind_s) = &clocks_behind_s {
         problem = problem.with_clocks(behind_s);
     }
-    let (mut once, mut model, [mut alone, mut blocks]) = begun(&problem, &coarse);
+    let (mut once, mut model, mut blocks) = begun(&problem, &coarse);
     // The base at its bottom, which is known where a name was put to the test.
     let mut base: Option<Fitted> = None;
     let (mut valleys, mut has_turned) = (0, false);
@@ -90,7 +90,9 @@ pub fn name<'m>(
     let mut open: Option<(usize, Without)> = None;
     while effects.len() < EFFECTS_MAX {
         progress("looking for what is missing");
-        let louder = Louder::for_what_is_left(&problem, &model.model, [start, &coarse.model]);
+        let exact = but_for_inexact(&model.model, &coarse.model);
+        let alone = Blocks::new(&problem, &exact);
+        let louder = Louder::for_what_is_left(&problem, &model.model, [start, &exact]);
         let (search, searched, at, judged) = match &louder {
             Some(louder) => (&louder.problem, &louder.once, &louder.fitted, [&louder.blocks, &louder.alone]),
             None => (&problem, &once, &model, [&blocks, &alone]),
@@ -128,7 +130,7 @@ pub fn name<'m>(
             has_turned = true;
             let Some(other) = another_way(as_it_is, start, (&problem, &coarse)) else { break };
             (problem, coarse) = other;
-            (once, model, [alone, blocks]) = begun(&problem, &coarse);
+            (once, model, blocks) = begun(&problem, &coarse);
             continue;
         };
         let (best_name, margin) = (best.name(), margin(best.evidence));
@@ -198,8 +200,7 @@ pub fn name<'m>(
             if again.2.is_none() {
                 (test, need, lost) = again;
                 (problem, once, model, blocks) = (near, near_once, other, of_other);
-                (before.total, alone) =
-                    (total_of(&problem, &before.model), Blocks::new(&problem, &coarse.model));
+                before.total = total_of(&problem, &before.model);
                 if let Some(last) = effects.last_mut() {
                     last.tell_apart(&problem, &model, test.fitted.total - model.total);
                 }
@@ -231,7 +232,7 @@ pub fn name<'m>(
             if effects.is_empty() {
                 // About another base noise moves the mean in another way.
                 (problem, coarse) = about(&problem, &model.model);
-                (once, model, [alone, blocks]) = begun(&problem, &coarse);
+                (once, model, blocks) = begun(&problem, &coarse);
                 base = None;
             }
         } else if need == Need::OfAnotherSize {
@@ -255,7 +256,6 @@ pub fn name<'m>(
                 }
             }
             blocks = Blocks::new(&problem, &model.model);
-            alone = Blocks::new(&problem, &coarse.model);
         }
     }
     if let Some((_, test)) = open.filter(|(place, _)| *place == effects.len()) {
@@ -287,6 +287,7 @@ pub fn name<'m>(
     if effects.is_empty() {
         (model, blocks) = (base.clone(), Blocks::new(&problem, &base.model));
     }
+    let alone = Blocks::new(&problem, &but_for_inexact(&model.model, &coarse.model));
     let told = usual::told(&problem, &once, &model, [&blocks, &alone], [start, &coarse.model]);
     if !told.named.is_empty() {
         let ends = [&base.model, &coarse.model].map(|of| of.without_all(&told.places));
@@ -300,10 +301,17 @@ pub fn name<'m>(
     (Named { clocks_behind_s, base, model, blocks, effects, refused, smallest, rows }, problem)
 }
 
-/// What a search begins with at a base: each command once, the base as the model, and the blocks of both.
-fn begun<'m>(problem: &Problem<'m>, coarse: &Fitted) -> (Problem<'m>, Fitted, [Blocks; 2]) {
-    let blocks = Blocks::new(problem, &coarse.model);
-    (problem.first_passes(), coarse.clone(), [blocks.clone(), blocks])
+/// What a search begins with at a base: each command once, the base as the model, and its blocks.
+fn begun<'m>(problem: &Problem<'m>, coarse: &Fitted) -> (Problem<'m>, Fitted, Blocks) {
+    (problem.first_passes(), coarse.clone(), Blocks::new(problem, &coarse.model))
+}
+
+/// The base, or a model without all that its effects may explain wrong: a further one is held against what they do.
+fn but_for_inexact(model: &Model, base: &Model) -> Model {
+    let is_exact = |place: &usize| model.effects[*place].entry.is_of_gains();
+    let (exact, others): (Vec<usize>, Vec<usize>) =
+        (base.effects.len()..model.effects.len()).partition(is_exact);
+    if exact.is_empty() { base.clone() } else { model.without_all(&others) }
 }
 
 /// A model and its blocks without the effect that was named last, which a gate refused.
@@ -314,4 +322,35 @@ fn taken_back(
 ) -> (Fitted, Blocks) {
     refused.extend(effects.pop().and_then(|last| last.refused_by(gate)));
     (test.fitted, test.blocks)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::model::Tried;
+    use super::*;
+    use crate::plant::effects::entry;
+    use crate::plant::tests::paper_axis;
+
+    #[test]
+    fn a_further_effect_is_held_against_what_may_be_wrong_of_those_before_it() {
+        let base = Model::new(paper_axis());
+        let of = |names: &[&'static str]| {
+            names.iter().fold(base.clone(), |model, name| {
+                let entry = entry(name).expect("an effect");
+                model.with(Tried { entry, values: entry.nominal() })
+            })
+        };
+        for (named, exact) in [
+            (&["servo-gain-mismatch", "presliding"][..], &["servo-gain-mismatch"][..]),
+            (&["servo-gain-mismatch"], &["servo-gain-mismatch"]),
+            // A filter may be of another order, and a pulse of another shape.
+            (&["command-filter"], &[]),
+            (&["reversal-compensation", "presliding"], &[]),
+            (&[], &[]),
+        ] {
+            let left = but_for_inexact(&of(named), &base);
+            let left: Vec<&str> = left.effects.iter().map(|tried| tried.entry.name).collect();
+            assert_eq!(left, exact, "{named:?}");
+        }
+    }
 }

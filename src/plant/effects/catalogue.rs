@@ -300,6 +300,15 @@ impl Entry {
         matches!(self.action, Action::Control(_))
     }
 
+    /// Whether it is of gains of the loops alone, whose equation no machine departs from.
+    pub fn is_of_gains(&self) -> bool {
+        let Action::Control(set) = self.action else { return false };
+        let mut otherwise = Otherwise::NOTHING;
+        set(&self.nominal(), &mut otherwise);
+        let Otherwise { position_gain, velocity_gain, .. } = otherwise;
+        otherwise == Otherwise { position_gain, velocity_gain, ..Otherwise::NOTHING }
+    }
+
     /// Whether the scale at the table alone shows it.
     pub const fn is_of_table_scale(&self) -> bool {
         matches!(self.action, Action::TableScale(_))
