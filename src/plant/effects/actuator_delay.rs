@@ -2,8 +2,9 @@
 //!
 //! Invariant: adds to the dead time of the actuator, so that the margins of the loops know it as well.
 
-use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
+use super::catalogue::{Coordinate, Entry, Experiment};
 use super::hooks::Action;
+use super::parameter::Parameter;
 use crate::base::time::Span;
 
 pub(super) const ENTRY: Entry = Entry {

@@ -19,8 +19,9 @@
 use super::super::body::{Body, Part};
 use super::super::maps::{Motion, StepMaps};
 use super::super::params::{Mechanics, Parameters};
-use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
+use super::catalogue::{Coordinate, Entry, Experiment};
 use super::hooks::Action;
+use super::parameter::Parameter;
 use super::step::Stepping;
 
 pub(super) const ENTRY: Entry = Entry {

@@ -4,8 +4,9 @@
 //! `screw_ripple` end. It acts as that does, at another order.
 //! Invariant: the factor is positive.
 
-use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
+use super::catalogue::{Coordinate, Entry, Experiment};
 use super::hooks::Action;
+use super::parameter::Parameter;
 use super::screw_ripple::ripple;
 
 pub(super) const ENTRY: Entry = Entry {

@@ -3,8 +3,9 @@
 //!
 //! Invariant: of the control; no force.
 
-use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
+use super::catalogue::{Coordinate, Entry, Experiment};
 use super::hooks::Action;
+use super::parameter::Parameter;
 
 pub(super) const ENTRY: Entry = Entry {
     name: "command-filter",

@@ -5,8 +5,9 @@
 //! Nearly every axis has some: a step of the base model knows it, at no cost.
 //! Invariant: conservative.
 
-use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
+use super::catalogue::{Coordinate, Entry, Experiment};
 use super::hooks::Action;
+use super::parameter::Parameter;
 
 pub(super) const ENTRY: Entry = Entry {
     name: "constant-force",

@@ -9,8 +9,9 @@
 //! screw on its table. Valid far below the resonances of the frame.
 //! Invariant: no force where the next axis has none.
 
-use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
+use super::catalogue::{Coordinate, Entry, Experiment};
 use super::hooks::{Action, Crossing, Neighbour};
+use super::parameter::Parameter;
 
 pub(super) const ENTRY: Entry = Entry {
     name: "cross-coupling",

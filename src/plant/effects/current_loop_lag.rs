@@ -5,8 +5,9 @@
 
 use std::f64::consts::TAU;
 
-use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
+use super::catalogue::{Coordinate, Entry, Experiment};
 use super::hooks::Action;
+use super::parameter::Parameter;
 
 pub(super) const ENTRY: Entry = Entry {
     name: "current-loop-lag",

@@ -4,8 +4,9 @@
 //! the two apart; how it grows with the speed does.
 //! Invariant: the factor is positive both ways.
 
-use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
+use super::catalogue::{Coordinate, Entry, Experiment};
 use super::hooks::{Action, Friction, Instant};
+use super::parameter::Parameter;
 
 pub(super) const ENTRY: Entry = Entry {
     name: "direction-asymmetry",

@@ -10,8 +10,9 @@
 //! shaft, tells them apart.
 //! Invariant: once a turn, whatever the speed; no force.
 
-use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
+use super::catalogue::{Coordinate, Entry, Experiment};
 use super::hooks::Action;
+use super::parameter::Parameter;
 use super::swing::Swing;
 
 pub(super) const ENTRY: Entry = Entry {

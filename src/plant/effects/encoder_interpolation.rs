@@ -10,8 +10,9 @@
 //! Invariant: a function of the place alone; no force.
 
 use super::super::params::Parameters;
-use super::catalogue::{Coordinate, Entry, Experiment, Parameter, Values};
+use super::catalogue::{Coordinate, Entry, Experiment, Values};
 use super::hooks::{Action, Reading};
+use super::parameter::Parameter;
 use super::swing::Swing;
 
 pub(super) const ENTRY: Entry = Entry {

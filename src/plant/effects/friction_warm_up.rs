@@ -7,8 +7,9 @@
 //! Time runs from the start of the plant, as cold as its parameters are.
 //! Invariant: the factor is positive.
 
-use super::catalogue::{Coordinate, Entry, Experiment, Parameter, Values};
+use super::catalogue::{Coordinate, Entry, Experiment, Values};
 use super::hooks::{Action, Friction, Instant};
+use super::parameter::Parameter;
 
 pub(super) const ENTRY: Entry = Entry {
     name: "friction-warm-up",

@@ -7,8 +7,9 @@
 //! At constant velocity it is a larger friction, so accelerations tell it.
 //! Invariant: against the way.
 
-use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
+use super::catalogue::{Coordinate, Entry, Experiment};
 use super::hooks::{Action, Friction, Instant};
+use super::parameter::Parameter;
 
 pub(super) const ENTRY: Entry = Entry {
     name: "load-dependent-friction",

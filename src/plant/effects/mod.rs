@@ -16,6 +16,7 @@ pub(in crate::plant) mod acting;
 mod catalogue;
 pub mod control;
 mod hooks;
+mod parameter;
 pub(in crate::plant) mod step;
 mod swing;
 
@@ -52,10 +53,11 @@ mod servo_gain_mismatch;
 mod command_filter;
 mod reversal_compensation;
 
-pub use catalogue::{Coordinate, Effects, Entry, Experiment, Parameter, VALUES_MAX, Values, entry};
+pub use catalogue::{Coordinate, Effects, Entry, Experiment, VALUES_MAX, Values, entry};
 pub use friction_warm_up::warmed_share;
 pub use hooks::Neighbour;
 pub(in crate::plant) use hooks::{Action, Pace};
+pub use parameter::Parameter;
 pub use spring_load::neutral_with_force_mm;
 
 /// Every effect there is.

@@ -8,8 +8,9 @@
 //! its own.
 //! Invariant: a function of the angle alone, so conservative.
 
-use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
+use super::catalogue::{Coordinate, Entry, Experiment};
 use super::hooks::{Action, Force, Instant, Memory, Pace};
+use super::parameter::Parameter;
 use super::swing::Swing;
 
 pub(super) const ENTRY: Entry = Entry {

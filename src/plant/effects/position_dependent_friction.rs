@@ -7,8 +7,9 @@
 //! The slope is nominal where the axis stood at its start. What swings with the turn of the screw is its ripple.
 //! Invariant: the friction is never negative.
 
-use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
+use super::catalogue::{Coordinate, Entry, Experiment};
 use super::hooks::{Action, Friction, Instant};
+use super::parameter::Parameter;
 use super::swing::Swing;
 
 pub(super) const ENTRY: Entry = Entry {

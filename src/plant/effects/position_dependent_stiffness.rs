@@ -9,8 +9,9 @@
 //! 1 mN.
 //! Invariant: the stiffness stays above a tenth of nominal and below ten times.
 
-use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
+use super::catalogue::{Coordinate, Entry, Experiment};
 use super::hooks::{Action, Force, Instant, Pace};
+use super::parameter::Parameter;
 
 pub(super) const ENTRY: Entry = Entry {
     name: "position-dependent-stiffness",

@@ -14,8 +14,9 @@
 
 use std::f64::consts::TAU;
 
-use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
+use super::catalogue::{Coordinate, Entry, Experiment};
 use super::hooks::{Action, BRISTLES, Bristles, Pace};
+use super::parameter::Parameter;
 
 /// What gives way less is stiffer than the finest step of a tick follows: one bristle, and one of many that slip at once.
 const LEAST_UM: [f64; 2] = [0.1, 0.15];

@@ -3,8 +3,9 @@
 //! Added to the law of Eq. (1); below a few m/min it is lost in what is viscous.
 //! Invariant: against the way, and zero at rest.
 
-use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
+use super::catalogue::{Coordinate, Entry, Experiment};
 use super::hooks::{Action, Friction, Instant};
+use super::parameter::Parameter;
 
 pub(super) const ENTRY: Entry = Entry {
     name: "quadratic-drag",

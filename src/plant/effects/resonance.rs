@@ -13,8 +13,9 @@
 use std::f64::consts::TAU;
 
 use super::super::params::Parameters;
-use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
+use super::catalogue::{Coordinate, Entry, Experiment};
 use super::hooks::{Action, Force, Instant, Memory, Pace};
+use super::parameter::Parameter;
 
 /// What stands on a machine is damped by some hundredths of critical, and a tenth at its joints: more is a guide that gives way before it
 /// slides, and swings no more.

@@ -4,8 +4,9 @@
 //!
 //! Invariant: nothing before the first reversal.
 
-use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
+use super::catalogue::{Coordinate, Entry, Experiment};
 use super::hooks::Action;
+use super::parameter::Parameter;
 
 pub(super) const ENTRY: Entry = Entry {
     name: "reversal-compensation",

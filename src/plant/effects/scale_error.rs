@@ -2,8 +2,9 @@
 //!
 //! Invariant: a function of the place alone; no force.
 
-use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
+use super::catalogue::{Coordinate, Entry, Experiment};
 use super::hooks::{Action, Reading};
+use super::parameter::Parameter;
 
 pub(super) const ENTRY: Entry = Entry {
     name: "scale-error",

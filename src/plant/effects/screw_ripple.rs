@@ -11,8 +11,9 @@
 //! Invariant: the factor is never negative, so friction only ever takes energy.
 
 use super::super::params::Parameters;
-use super::catalogue::{Coordinate, Entry, Experiment, Parameter, Values};
+use super::catalogue::{Coordinate, Entry, Experiment, Values};
 use super::hooks::{Action, Friction, Instant};
+use super::parameter::Parameter;
 use super::swing::Swing;
 
 pub(super) const ENTRY: Entry = Entry {

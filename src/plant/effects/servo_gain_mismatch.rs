@@ -4,8 +4,9 @@
 //! sensor that shows as much too much, each signal is the same.
 //! Invariant: of the control; no force.
 
-use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
+use super::catalogue::{Coordinate, Entry, Experiment};
 use super::hooks::Action;
+use super::parameter::Parameter;
 
 pub(super) const ENTRY: Entry = Entry {
     name: "servo-gain-mismatch",

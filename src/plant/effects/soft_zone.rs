@@ -8,8 +8,9 @@
 //! stiffness and no zone, and one that is softer than a seventh is play.
 //! Invariant: a function of the deflection alone, so conservative.
 
-use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
+use super::catalogue::{Coordinate, Entry, Experiment};
 use super::hooks::{Action, Force, Instant, Pace};
+use super::parameter::Parameter;
 
 pub(super) const ENTRY: Entry = Entry {
     name: "soft-zone",

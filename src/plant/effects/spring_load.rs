@@ -2,8 +2,9 @@
 //!
 //! Invariant: conservative.
 
-use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
+use super::catalogue::{Coordinate, Entry, Experiment};
 use super::hooks::{Action, Force, Instant, Memory, Pace};
+use super::parameter::Parameter;
 
 pub(super) const ENTRY: Entry = Entry {
     name: "spring-load",

@@ -8,8 +8,9 @@
 //! is `(b R / 2) sin 2θ`, the same both ways.
 //! Invariant: a function of places alone; no force.
 
-use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
+use super::catalogue::{Coordinate, Entry, Experiment};
 use super::hooks::{Action, Crossing, Neighbour};
+use super::parameter::Parameter;
 
 pub(super) const ENTRY: Entry = Entry {
     name: "squareness",

@@ -9,8 +9,9 @@
 //! `F_max` to `F_low`, is a parameter of the base model.
 //! Invariant: against the way.
 
-use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
+use super::catalogue::{Coordinate, Entry, Experiment};
 use super::hooks::{Action, Friction, Instant};
+use super::parameter::Parameter;
 
 pub(super) const ENTRY: Entry = Entry {
     name: "stribeck",

@@ -7,8 +7,9 @@
 //! 11.5 um/m for each kelvin of a steel screw. The screw is held where the axis stood at its start.
 //! Invariant: no force; nothing at the start.
 
-use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
+use super::catalogue::{Coordinate, Entry, Experiment};
 use super::hooks::{Action, Reading};
+use super::parameter::Parameter;
 
 pub(super) const ENTRY: Entry = Entry {
     name: "thermal-growth",

@@ -6,8 +6,9 @@
 
 use std::f64::consts::TAU;
 
-use super::catalogue::{Coordinate, Entry, Experiment, Parameter, Values};
+use super::catalogue::{Coordinate, Entry, Experiment, Values};
 use super::hooks::{Action, Force, Instant, Memory, Pace};
+use super::parameter::Parameter;
 
 const FREQUENCY: Parameter = Parameter::new("frequency-hz", "Hz", [0.1, 500.0], 25.0, 15.0).in_time();
 

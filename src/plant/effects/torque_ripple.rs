@@ -7,8 +7,9 @@
 //! Grows with the current, which cogging does not. A further harmonic has values of its own.
 //! Invariant: nothing without current.
 
-use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
+use super::catalogue::{Coordinate, Entry, Experiment};
 use super::hooks::{Action, Force, Instant, Memory, Pace};
+use super::parameter::Parameter;
 use super::swing::Swing;
 
 pub(super) const ENTRY: Entry = Entry {

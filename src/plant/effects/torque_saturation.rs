@@ -8,8 +8,9 @@
 //! of 10 A in all.
 //! Invariant: the torque never falls while the current rises.
 
-use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
+use super::catalogue::{Coordinate, Entry, Experiment};
 use super::hooks::{Action, Force, Instant, Memory, Pace};
+use super::parameter::Parameter;
 
 pub(super) const ENTRY: Entry = Entry {
     name: "torque-saturation",

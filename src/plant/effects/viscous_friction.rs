@@ -2,8 +2,9 @@
 //!
 //! Invariant: adds to the law's own parameter, so that control and identification know it as well.
 
-use super::catalogue::{Coordinate, Entry, Experiment, Parameter};
+use super::catalogue::{Coordinate, Entry, Experiment};
 use super::hooks::Action;
+use super::parameter::Parameter;
 
 pub(super) const ENTRY: Entry = Entry {
     name: "viscous-friction",
