@@ -49,3 +49,20 @@ fn what_is_not_sure_stays_with_the_base_and_in_no_file() {
         assert!(low * high > 0.0, "{}: {values:?}", entry.name);
     }
 }
+
+#[test]
+#[ignore = "seconds only if optimised; run by .ci/run"]
+fn a_viscous_friction_has_a_name_beyond_what_a_file_that_has_some_may_be_wrong_by() {
+    let mut machine = config::load("paper").expect("a machine");
+    machine.axes[AxisId::X].plant.friction.viscous_n_s_per_m = 500.0;
+    for (hidden, verdict) in [(0.4, Verdict::ParameterOnly), (1.2, Verdict::Named)] {
+        let analysis = analysed(&machine, &runs(&machine, &[("viscous-friction", hidden)]));
+        let [axis] = analysis.axes.as_slice() else { panic!("one axis") };
+        assert_eq!(axis.verdict, verdict, "{hidden} N s/mm");
+        for named in &axis.named.effects {
+            let (_, value, [low, high]) = axis.named.model.effect(0)[0];
+            assert_eq!(named.name, "viscous-friction");
+            assert!((value / hidden - 1.0).abs() < 0.05 && low < hidden && hidden < high, "{value}");
+        }
+    }
+}

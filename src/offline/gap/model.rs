@@ -15,6 +15,8 @@ use crate::plant::effects::{Entry, Parameter, VALUES_MAX, Values, entry};
 const AT_BOUND: f64 = 1e-4;
 /// How friction falls, as [`BASE`] names it.
 const FALL: [&str; 3] = ["breakaway_excess", "fall_end", "fall_start"];
+/// What the base makes of an effect as far as it reaches: its parameter, N s/m, and the effect, N s/mm.
+const MADE_OF: (&str, &str) = ("viscous", "viscous-friction");
 /// More priors than this a base goes only to make up for something.
 const GONE_FAR: f64 = 3.0;
 /// How far an amplitude is from zero that the base makes up for, in coordinates. Left free, a gain of the velocity loop would take from
@@ -70,10 +72,18 @@ impl Model {
         Self { nominal, base: [0.0; BASE.len()], effects: Vec::new() }
     }
 
-    /// The same with another effect.
+    /// The same with another effect. What the base had made of it is of the effect then: their sum is known, and a file is not wrong by
+    /// as much as an effect may be.
     #[must_use]
-    pub fn with(&self, tried: Tried) -> Self {
+    pub fn with(&self, mut tried: Tried) -> Self {
         let mut model = self.clone();
+        let made_of =
+            BASE.iter().zip(&mut model.base).find(|(base, _)| MADE_OF == (base.name, tried.entry.name));
+        if let Some((base, at)) = made_of.filter(|(_, at)| **at > 0.0) {
+            let [made, filed] = [self, &Self::new(self.nominal)].map(|model| base.of(&model.twin()));
+            tried.values[0] += 1e-3 * (made - filed);
+            *at = 0.0;
+        }
         model.effects.push(tried);
         model
     }
@@ -319,6 +329,24 @@ fn wrapped(deg: f64) -> f64 {
 mod tests {
     use super::*;
     use crate::plant::tests::paper_axis;
+
+    #[test]
+    fn what_the_base_had_made_of_a_viscous_friction_is_of_the_effect() {
+        let mut file = paper_axis();
+        file.friction.viscous_n_s_per_m = 400.0;
+        let viscous = |n_s_per_mm: f64| Tried {
+            entry: entry("viscous-friction").expect("an effect"),
+            values: [n_s_per_mm, 0.0, 0.0],
+        };
+        let at = BASE.iter().position(|base| base.name == "viscous").expect("a parameter");
+        for (coordinate, of_base, of_effect) in [(3.25, 400.0, 0.1 + 0.5014), (-1.0, 311.52, 0.1)] {
+            let mut model = Model::new(file);
+            model.base[at] = coordinate;
+            let with = model.with(viscous(0.1));
+            let [base, effect] = [BASE[at].of(&with.without(0).twin()), with.effects[0].values[0]];
+            assert!((base - of_base).abs() < 0.01 && (effect - of_effect).abs() < 1e-4, "{base}, {effect}");
+        }
+    }
 
     #[test]
     fn a_swing_of_once_a_turn_is_that_of_the_encoder_or_of_the_screw() {

@@ -202,13 +202,17 @@ pub const BASE: [Base; 14] = [
                 Velocity::mm_per_s(value.min(0.95 * twin.plant.friction.fall_end.as_mm_per_s()));
         },
     ),
-    Base::filed(
-        "viscous",
-        "N s/m",
-        0.25,
-        |twin| twin.plant.friction.viscous_n_s_per_m,
-        |twin, value| twin.plant.friction.viscous_n_s_per_m = value,
-    ),
+    Base {
+        // A file may be wrong by a factor of two. More than that is `viscous-friction`.
+        reach: [-6.0, 3.25],
+        ..Base::filed(
+            "viscous",
+            "N s/m",
+            0.25,
+            |twin| twin.plant.friction.viscous_n_s_per_m,
+            |twin, value| twin.plant.friction.viscous_n_s_per_m = value,
+        )
+    },
     Base {
         // Slower than that it is `current-loop-lag` or `actuator-delay`.
         reach: [-1.0, 2.0],
