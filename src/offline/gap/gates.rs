@@ -236,7 +236,7 @@ pub(super) fn tried(
     all.sort_by(|a, b| a.total.total_cmp(&b.total));
     let mut seen = BTreeSet::new();
     // Of the laws that an effect may follow the best.
-    all.retain(|fitted| seen.insert(fitted.model.effects.last().map(|tried| tried.entry.effect())));
+    all.retain(|fitted| seen.insert(fitted.model.last_effect()));
     let judged = |fitted| judged(problem, without, blocks, fitted);
     all.into_par_iter().map(judged).collect()
 }

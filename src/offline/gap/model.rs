@@ -88,6 +88,11 @@ impl Model {
         model
     }
 
+    /// Name of the effect that was added last, whichever law of it.
+    pub(super) fn last_effect(&self) -> Option<&'static str> {
+        self.effects.last().map(|tried| tried.entry.effect())
+    }
+
     /// The same without the effect of a place in the list.
     #[must_use]
     pub fn without(&self, place: usize) -> Self {

@@ -24,8 +24,8 @@ use super::near::{
 };
 use super::problem::{Part, Problem};
 use super::refit::{
-    ITERATIONS, about, anew, another_way, base_refitted, beside, coarsely, coarsely_from, ended, explains,
-    explains_much, is_noise, refitted, unsettled,
+    ITERATIONS, about, anew, another_way, base_refitted, beside, by_its_law, coarsely, coarsely_from, ended,
+    explains, explains_much, is_noise, refitted, unsettled,
 };
 use super::usual;
 use super::without::{Need, Without};
@@ -158,11 +158,13 @@ pub fn name<'m>(
         progress(&format!("{best_name}: is it needed?"));
         // What is far was fitted by all ways already.
         let bottom_of = |Candidate { fitted, .. }: &Candidate| {
-            if is_first && !explains_much(fitted, at) {
+            let bottom = if is_first && !explains_much(fitted, at) {
                 refitted(&problem, &once, &fitted.model, start)
             } else {
                 to_the_bottom(&problem, fitted)
-            }
+            };
+            // Louder noise does not tell which of its laws it follows.
+            if louder.is_some() { by_its_law(&problem, bottom) } else { bottom }
         };
         let held = |fitted: &Fitted| Blocks::new(&problem, &fitted.model).cost();
         let Near { mut class, model: bottom, told_apart } =

@@ -234,6 +234,15 @@ pub(super) fn anew<'m>(problem: &Problem<'m>, model: &Model, filed: &Model) -> (
     (near, fitted)
 }
 
+/// The deeper of a bottom and those of the other laws that its last effect may follow with as many numbers.
+pub(super) fn by_its_law(problem: &Problem<'_>, bottom: Fitted) -> Fitted {
+    let (effect, numbers) = (bottom.model.last_effect(), bottom.model.numbers());
+    let is_law = |other: &Model| other.last_effect() == effect && other.numbers() == numbers;
+    let others: Vec<Model> = bottom.model.with_last_as_alike().filter(is_law).collect();
+    let ends = others.iter().map(|other| fit(problem, other, Effort::Fine, None));
+    ends.fold(bottom, |best, other| if other.total < best.total { other } else { best })
+}
+
 /// A model fitted coarsely, from where it stands and from another base.
 pub(super) fn coarsely_from(
     problem: &Problem<'_>,
@@ -311,6 +320,26 @@ mod tests {
         problem = problem.with_data(Arc::new(vec![data]));
         let found = ended(&problem, &file.with(gains(1.0))).effects[0].values;
         assert!((found[0] - 3.0).abs() < 0.1 && found[1].abs() < 0.5, "{found:?}");
+    }
+
+    #[test]
+    fn of_two_laws_the_bottom_tells_which_it_is() {
+        let machine = config::load("paper").expect("a machine");
+        let mut problem = swinging(&machine, 5e-3);
+        let file = Model::new(machine.axes[AxisId::X].plant);
+        let with = |law: &str, ms: f64| {
+            file.with(Tried { entry: entry(law).expect("an effect"), values: [ms, 0.0, 0.0] })
+        };
+        let laws = ["command-filter", "command-filter-by-rows"];
+        for (law, other) in [(laws[0], laws[1]), (laws[1], laws[0])] {
+            let mut data = problem.data[0].clone();
+            data.measured = problem.simulated(0, &with(law, 1.3));
+            problem = problem.with_data(Arc::new(vec![data]));
+            let bottom = fit(&problem, &with(other, 1.5), Effort::Fine, None);
+            let found = by_its_law(&problem, bottom).model.effects[0];
+            assert_eq!(found.entry.name, law);
+            assert!((found.values[0] - 1.3).abs() < 1e-3, "{law}: {} ms", found.values[0]);
+        }
     }
 
     #[test]
