@@ -215,7 +215,7 @@ fn axis<'m>(
     let shape = shape(&problem, &named);
     let is_little = || {
         let is_pushed = || bursts(&problem, &named.model.model).is_some();
-        explains_too_little(&weighed, &named) || widens(&gap) || (closes_little(&gap) && is_pushed())
+        explains_too_little(&weighed, &named, &gap) || widens(&gap) || (closes_little(&gap) && is_pushed())
     };
     // Beside a floor that is a lower bound, much is left whatever is named.
     let is_told = problem.is_noise_told();

@@ -150,9 +150,10 @@ pub(super) fn shape(problem: &Problem<'_>, named: &Named) -> Option<Rest> {
     Some(left.rest)
 }
 
-/// Whether what was named leaves much of what there is: then it is something else that looks like it from afar.
-pub(super) fn explains_too_little(problem: &Problem<'_>, named: &Named) -> bool {
-    if !costs_more_than_noise(named) {
+/// Whether what was named leaves much of what there is: then it is something else that looks like it from afar. What is less than anybody would
+/// look for is no such thing: no law of bristles is that of another machine.
+pub(super) fn explains_too_little(problem: &Problem<'_>, named: &Named, gap: &[SignalGap]) -> bool {
+    if !is_real(gap, |signal| signal.after) || !costs_more_than_noise(named) {
         return false;
     }
     let models = [&named.base.model, &named.model.model];
@@ -212,20 +213,18 @@ fn blocks_of_power(problem: &Problem<'_>, models: [&Model; 2]) -> Vec<[f64; 2]> 
     blocks
 }
 
+/// Whether a gap is so much beyond noise that anybody would look for what makes it.
+fn is_real(gap: &[SignalGap], of: fn(&SignalGap) -> f64) -> bool {
+    gap.iter().any(|signal| {
+        let (value, floor) = (of(signal), signal.floor);
+        let rest = (value * value - floor * floor).max(0.0).sqrt();
+        rest > if signal.unit == "um" { PRACTICAL_UM.max(0.5 * floor) } else { 0.5 * floor.max(0.02) }
+    })
+}
+
 /// What is to be said of an axis, where something real is left or is not, and where passes told what noise is or did not: what is
 /// left beyond a floor that is a lower bound may be noise.
 pub(super) fn verdict(named: &Named, gap: &[SignalGap], has_rest: bool, is_noise_told: bool) -> Verdict {
-    let excess = |value: f64, floor: f64| (value * value - floor * floor).max(0.0).sqrt();
-    let is_real = |of: fn(&SignalGap) -> f64| {
-        gap.iter().any(|signal| {
-            let rest = excess(of(signal), signal.floor);
-            if signal.unit == "um" {
-                rest > PRACTICAL_UM.max(0.5 * signal.floor)
-            } else {
-                rest > 0.5 * signal.floor.max(0.02)
-            }
-        })
-    };
     // So many that no name says anything.
     if named.effects.iter().any(|effect| effect.class.len() > CLASS_MAX) {
         return Verdict::Insufficient;
@@ -238,14 +237,14 @@ pub(super) fn verdict(named: &Named, gap: &[SignalGap], has_rest: bool, is_noise
         };
     }
     let is_shown = named.refused.iter().any(Candidate::shows_something);
-    if has_rest || is_shown || (costs_more_than_noise(named) && is_real(|signal| signal.after)) {
+    if has_rest || is_shown || (costs_more_than_noise(named) && is_real(gap, |signal| signal.after)) {
         return if is_noise_told { Verdict::Unknown } else { Verdict::Insufficient };
     }
     let moved = |fitted: &Fitted| {
         let is_off = |(at, base): (&f64, &Base)| !base.is_zero() && (at * base.prior).abs() > 0.03;
         fitted.model.base.iter().zip(&BASE).any(is_off)
     };
-    if is_real(|signal| signal.file) && moved(&named.base) {
+    if is_real(gap, |signal| signal.file) && moved(&named.base) {
         Verdict::ParameterOnly
     } else {
         Verdict::NothingMissing
@@ -255,6 +254,22 @@ pub(super) fn verdict(named: &Named, gap: &[SignalGap], has_rest: bool, is_noise
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_is_a_tenth_of_a_micrometre_beyond_noise_is_looked_for() {
+        for (unit, value, floor, is) in [
+            ("um", 0.147, 0.11, false),
+            ("um", 0.16, 0.11, true),
+            ("um", 1.1, 1.0, false),
+            ("um", 1.2, 1.0, true),
+            ("A", 0.02, 0.018, false),
+            ("A", 0.022, 0.018, true),
+            ("A", 0.1, 0.2, false),
+        ] {
+            let gap = SignalGap { signal: "one", unit, file: 0.0, before: 0.0, after: value, floor };
+            assert_eq!(is_real(&[gap], |signal| signal.after), is, "{value} {unit} where noise is {floor}");
+        }
+    }
 
     #[test]
     fn what_is_left_of_one_signal_is_held_against_the_gap_in_all() {
