@@ -148,14 +148,6 @@ pub fn name<'m>(
             let is_roughly = explains_roughly_as_much(candidate, &best, louder.is_some());
             is_near || is_less || is_roughly || is_alias(best_name, candidate.name())
         });
-        // Its twin may have been left behind on the way; what holds for one holds for both.
-        let twin = near[0].fitted.with_last_as_its_twin().filter(|_| problem.has_table());
-        let is_there = |twin: &Model| near.iter().any(|one| Some(one.name()) == gates::last_of(twin));
-        if let Some(twin) = twin.filter(|twin| !is_there(twin)) {
-            let fitted = fit(search, &twin, Effort::Coarse(ITERATIONS[1]), None);
-            near.push(Candidate { failed: Vec::new(), ..gates::judged(search, at, judged, fitted) });
-        }
-        progress(&format!("{best_name}: is it needed?"));
         // What is far was fitted by all ways already.
         let bottom_of = |Candidate { fitted, .. }: &Candidate| {
             let bottom = if is_first && !explains_much(fitted, at) {
@@ -166,6 +158,23 @@ pub fn name<'m>(
             // Louder noise does not tell which of its laws it follows.
             if louder.is_some() { by_its_law(&problem, bottom) } else { bottom }
         };
+        // What holds for the best holds for what is near it.
+        let as_near =
+            |fitted: Fitted| Candidate { failed: Vec::new(), ..gates::judged(search, at, judged, fitted) };
+        // Its twin may have been left behind on the way.
+        let twin = near[0].fitted.with_last_as_its_twin().filter(|_| problem.has_table());
+        let is_there = |twin: &Model| near.iter().any(|one| Some(one.name()) == gates::last_of(twin));
+        if let Some(twin) = twin.filter(|twin| !is_there(twin)) {
+            near.push(as_near(fit(search, &twin, Effort::Coarse(ITERATIONS[1]), None)));
+        }
+        progress(&format!("{best_name}: is it needed?"));
+        // So may what it is with a number less, which begins from its bottom: a few steps do not lead there.
+        let has_less = |other: &Model| other.numbers() < best.fitted.model.numbers();
+        if best.fitted.model.with_last_as_alike().any(|other| has_less(&other)) {
+            near[0].fitted = bottom_of(&near[0]);
+            let less: Vec<Model> = near[0].fitted.model.with_last_as_alike().filter(has_less).collect();
+            near.extend(less.iter().map(|less| as_near(fit(&problem, less, Effort::Fine, None))));
+        }
         let held = |fitted: &Fitted| Blocks::new(&problem, &fitted.model).cost();
         let Near { mut class, model: bottom, told_apart } =
             Near::of((near, least), &bottom_of, &held, &model, rows);

@@ -3,6 +3,7 @@
 //! Invariant: the best is the deepest, and effects that no data of this kind tell apart stay together.
 
 use std::cell::OnceCell;
+use std::collections::BTreeSet;
 
 use rayon::prelude::*;
 
@@ -130,6 +131,9 @@ impl Near {
         let scale = scale(deepest.1.cost, rows);
         let price = |end: &Fitted| price(end, scale, rows);
         ends.sort_by(|a, b| price(&a.1).total_cmp(&price(&b.1)));
+        // Of those that began elsewhere the best.
+        let mut seen = BTreeSet::new();
+        ends.retain(|(candidate, _)| seen.insert(candidate.name()));
         let doubted = price(&ends[0].1) + price_of_a_number(ends[0].1.cost, rows);
         let is_doubted = |(_, less): &(Candidate, Fitted)| {
             is_with_less(&less.model, &ends[0].1.model) && price(less) < doubted
@@ -210,6 +214,17 @@ mod tests {
         let model = Model::new(paper_axis()).with(tried);
         let fitted = Fitted { model, cost: left, total: left, covariance: DMatrix::identity(1, 1) };
         Candidate { fitted, held: 0.0, evidence: 90_000.0 - left, failed: Vec::new() }
+    }
+
+    #[test]
+    fn of_an_effect_that_began_from_two_places_the_deeper_is_left() {
+        let near = [("backlash", 1_200.0), ("soft-zone", 1_000.0), ("backlash", 1_005.0)];
+        let near: Vec<Candidate> = near.iter().map(|(name, left)| candidate(name, *left)).collect();
+        let without = candidate("backlash", 90_000.0).fitted;
+        let own = |candidate: &Candidate| candidate.fitted.clone();
+        let found = Near::of((near, 0.0), &own, &|fitted| fitted.total, &without, 1_000);
+        let class: Vec<(&str, f64)> = found.class.iter().map(|one| (one.name(), one.fitted.total)).collect();
+        assert_eq!(class, [("backlash", 1_005.0)], "and a number more is worth more than five units");
     }
 
     #[test]
