@@ -169,7 +169,8 @@ pub fn name<'m>(
         }
         progress(&format!("{best_name}: is it needed?"));
         // So may what it is with a number less, which begins from its bottom: a few steps do not lead there.
-        let has_less = |other: &Model| other.numbers() < best.fitted.model.numbers();
+        let has_less =
+            |other: &Model| other.numbers() < count(&best) && other.last_effect() != Some(best_name);
         if best.fitted.model.with_last_as_alike().any(|other| has_less(&other)) {
             near[0].fitted = bottom_of(&near[0]);
             let less: Vec<Model> = near[0].fitted.model.with_last_as_alike().filter(has_less).collect();
