@@ -24,7 +24,7 @@ use super::near::{
 };
 use super::problem::{Part, Problem};
 use super::refit::{
-    ITERATIONS, about, anew, another_way, base_refitted, beside, by_its_law, coarsely, coarsely_from, ended,
+    ITERATIONS, about, also_from, anew, another_way, base_refitted, beside, coarsely, coarsely_from, ended,
     explains, explains_much, is_noise, refitted, unsettled,
 };
 use super::usual;
@@ -156,7 +156,9 @@ pub fn name<'m>(
                 to_the_bottom(&problem, fitted)
             };
             // Louder noise does not tell which of its laws it follows.
-            if louder.is_some() { by_its_law(&problem, bottom) } else { bottom }
+            let laws = louder.iter().flat_map(|_| bottom.model.by_other_laws());
+            let others: Vec<Model> = laws.chain(bottom.model.with_falls_exchanged()).collect();
+            also_from(&problem, bottom, &others)
         };
         // What holds for the best holds for what is near it.
         let as_near =

@@ -234,11 +234,8 @@ pub(super) fn anew<'m>(problem: &Problem<'m>, model: &Model, filed: &Model) -> (
     (near, fitted)
 }
 
-/// The deeper of a bottom and those of the other laws that its last effect may follow with as many numbers.
-pub(super) fn by_its_law(problem: &Problem<'_>, bottom: Fitted) -> Fitted {
-    let (effect, numbers) = (bottom.model.last_effect(), bottom.model.numbers());
-    let is_law = |other: &Model| other.last_effect() == effect && other.numbers() == numbers;
-    let others: Vec<Model> = bottom.model.with_last_as_alike().filter(is_law).collect();
+/// The deepest of a bottom and those that other models lead to.
+pub(super) fn also_from(problem: &Problem<'_>, bottom: Fitted, others: &[Model]) -> Fitted {
     let ends = others.iter().map(|other| fit(problem, other, Effort::Fine, None));
     ends.fold(bottom, |best, other| if other.total < best.total { other } else { best })
 }
@@ -336,7 +333,8 @@ mod tests {
             data.measured = problem.simulated(0, &with(law, 1.3));
             problem = problem.with_data(Arc::new(vec![data]));
             let bottom = fit(&problem, &with(other, 1.5), Effort::Fine, None);
-            let found = by_its_law(&problem, bottom).model.effects[0];
+            let laws: Vec<Model> = bottom.model.by_other_laws().collect();
+            let found = also_from(&problem, bottom, &laws).model.effects[0];
             assert_eq!(found.entry.name, law);
             assert!((found.values[0] - 1.3).abs() < 1e-3, "{law}: {} ms", found.values[0]);
         }

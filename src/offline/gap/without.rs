@@ -10,16 +10,13 @@ use super::fit::{Effort, Fitted, fit, scale};
 use super::gates::{FALL, HELD_FALL, does_not_show_where_judged, does_not_speak_against, telling};
 use super::judged;
 use super::louder::Louder;
-use super::model::Model;
+use super::model::{FALLS, Model};
 use super::problem::{Part, Problem};
 use super::refit::{PLAINLY, base_refitted, ended, refitted_from};
 
 /// What is needed explains so many times as much as ends of the base without it differ by: another of its valleys would do the
 /// same.
 const ROUGH: f64 = 3.0;
-
-/// The effect that is a fall of friction, as the base has one.
-const FALLS: &str = "stribeck";
 
 /// What is noise with an effect, and so many times as much without it, needs it however rough its valleys are.
 const ALL: f64 = 1.25;
