@@ -151,7 +151,7 @@ pub(super) fn shape(problem: &Problem<'_>, named: &Named) -> Option<Rest> {
 }
 
 /// Whether what was named leaves much of what there is: then it is something else that looks like it from afar. What is less than anybody would
-/// look for is no such thing: no law of bristles is that of another machine.
+/// look for does not count: bristles follow no law to the last tenth of a micrometre.
 pub(super) fn explains_too_little(problem: &Problem<'_>, named: &Named, gap: &[SignalGap]) -> bool {
     if !is_real(gap, |signal| signal.after) || !costs_more_than_noise(named) {
         return false;
