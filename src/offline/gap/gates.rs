@@ -400,7 +400,6 @@ fn costs_much(gained: &[f64]) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use std::sync::Arc;
     use std::sync::atomic::{AtomicBool, Ordering};
 
     use nalgebra::DMatrix;
@@ -408,7 +407,7 @@ mod tests {
     use super::*;
     use crate::base::axis::AxisId;
     use crate::config;
-    use crate::offline::gap::sensors::tests::swinging;
+    use crate::offline::gap::sensors::tests::{showing, swinging};
     use crate::plant::effects::entry;
     use crate::plant::tests::paper_axis;
 
@@ -433,14 +432,12 @@ mod tests {
     #[test]
     fn what_explains_a_fiftieth_is_fitted_by_all_ways() {
         let machine = config::load("paper").expect("a machine");
-        let mut problem = swinging(&machine, 5e-3);
+        let problem = swinging(&machine, 5e-3);
         let file = Model::new(machine.axes[AxisId::X].plant);
         let with = |name: &str, value: f64| {
             file.with(Tried { entry: entry(name).expect("an effect"), values: [value, 50.0, 0.0] })
         };
-        let mut data = problem.data[0].clone();
-        data.measured = problem.simulated(0, &with("torque-disturbance", 0.5));
-        problem = problem.with_data(Arc::new(vec![data]));
+        let problem = showing(&problem, &with("torque-disturbance", 0.5));
         let promising = [with("backlash", 0.1)];
         let here = Linear::widest(&problem, &file);
         let own = fit(&problem, &promising[0], Effort::Coarse(ITERATIONS[1]), Some(&here));

@@ -275,7 +275,7 @@ mod tests {
     use std::sync::Arc;
 
     use super::super::model::Tried;
-    use super::super::sensors::tests::swinging;
+    use super::super::sensors::tests::{showing, swinging};
     use super::super::twin::Base;
     use super::*;
     use crate::base::axis::AxisId;
@@ -299,7 +299,7 @@ mod tests {
     #[test]
     fn what_a_torque_constant_makes_of_all_forces_is_no_gain_of_the_velocity_loop() {
         let machine = config::load("paper").expect("a machine");
-        let mut problem = swinging(&machine, 5e-3);
+        let problem = swinging(&machine, 5e-3);
         let file = Model::new(machine.axes[AxisId::X].plant);
         let gains = |position: f64| Tried {
             entry: entry("servo-gain-mismatch").expect("an effect"),
@@ -312,9 +312,7 @@ mod tests {
             _ => 0.0,
         };
         let truth = file.at(&BASE.iter().map(lighter).collect::<Vec<f64>>()).with(gains(3.0));
-        let mut data = problem.data[0].clone();
-        data.measured = problem.simulated(0, &truth);
-        problem = problem.with_data(Arc::new(vec![data]));
+        let problem = showing(&problem, &truth);
         let found = ended(&problem, &file.with(gains(1.0))).effects[0].values;
         assert!((found[0] - 3.0).abs() < 0.1 && found[1].abs() < 0.5, "{found:?}");
     }
@@ -322,16 +320,14 @@ mod tests {
     #[test]
     fn of_two_laws_the_bottom_tells_which_it_is() {
         let machine = config::load("paper").expect("a machine");
-        let mut problem = swinging(&machine, 5e-3);
+        let problem = swinging(&machine, 5e-3);
         let file = Model::new(machine.axes[AxisId::X].plant);
         let with = |law: &str, ms: f64| {
             file.with(Tried { entry: entry(law).expect("an effect"), values: [ms, 0.0, 0.0] })
         };
         let laws = ["command-filter", "command-filter-by-rows"];
         for (law, other) in [(laws[0], laws[1]), (laws[1], laws[0])] {
-            let mut data = problem.data[0].clone();
-            data.measured = problem.simulated(0, &with(law, 1.3));
-            problem = problem.with_data(Arc::new(vec![data]));
+            let problem = showing(&problem, &with(law, 1.3));
             let bottom = fit(&problem, &with(other, 1.5), Effort::Fine, None);
             let laws: Vec<Model> = bottom.model.by_other_laws().collect();
             let found = also_from(&problem, bottom, &laws).model.effects[0];

@@ -54,6 +54,7 @@ impl Problem<'_> {
 #[cfg(test)]
 pub(super) mod tests {
     use std::collections::BTreeMap;
+    use std::sync::Arc;
 
     use super::super::floor::Noise;
     use super::super::forward::{Course, Signals};
@@ -65,6 +66,13 @@ pub(super) mod tests {
     use crate::base::axis::AxisId;
     use crate::config::{self, Machine};
     use crate::plant::effects::entry;
+
+    /// The same problem where that model was measured, without noise.
+    pub(in super::super) fn showing<'m>(problem: &Problem<'m>, truth: &Model) -> Problem<'m> {
+        let mut data = problem.data[0].clone();
+        data.measured = problem.simulated(0, truth);
+        problem.with_data(Arc::new(vec![data]))
+    }
 
     /// An axis that swings by so much to either side for three seconds, with the noise of a good one.
     pub(in super::super) fn swinging(machine: &Machine, by_m: f64) -> Problem<'_> {
