@@ -5,9 +5,10 @@ use std::fmt;
 
 use serde::Serialize;
 
+use crate::offline::gap::candidate::Candidate;
 use crate::offline::gap::consequence::Consequence;
 use crate::offline::gap::fit::Fitted;
-use crate::offline::gap::gates::{Candidate, Gate};
+use crate::offline::gap::gates::Gate;
 use crate::offline::gap::named::RunnerUp;
 use crate::offline::gap::problem::shown;
 use crate::offline::gap::runs::Run;

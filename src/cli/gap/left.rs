@@ -14,6 +14,8 @@ pub(super) struct Left {
     signal: Option<&'static str>,
     /// Over which it comes again.
     coordinate: Option<String>,
+    /// How much of all that is left is a shape over it.
+    share: Option<f64>,
     /// At which it sounds.
     frequency_hz: Option<f64>,
     /// After how much way it comes again.
@@ -42,6 +44,9 @@ impl Left {
                 left.signal = Some(SIGNALS[signal].0);
                 match shows {
                     Shows::Over(over) => left.coordinate = Some(over.to_string()),
+                    Shows::Shaped(over, share) => {
+                        (left.coordinate, left.share) = (Some(over.to_string()), Some(share));
+                    }
                     Shows::Tone(tone_hz) => left.frequency_hz = Some(tone_hz),
                     Shows::Period(period_mm) => left.period_mm = Some(period_mm),
                     Shows::Everywhere(times) => left.times_noise = Some(times),

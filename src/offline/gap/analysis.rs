@@ -227,7 +227,11 @@ fn axis<'m>(
     let (located, runs_left) = (locate::located(&problem, &both), locate::runs_left(&problem, &both));
     let is_of_passes =
         |signal: usize| problem.noises[signal].as_ref().is_some_and(|noise| noise.is_from_repeats);
-    let of_base = || Rest::everywhere(&runs_left, is_of_passes).or_else(|| Rest::strained(&named.base.model));
+    let of_base = || {
+        Rest::everywhere(&runs_left, is_of_passes)
+            .or_else(|| Rest::shaped(&located))
+            .or_else(|| Rest::strained(&named.base.model))
+    };
     let of_base = || named.effects.is_empty().then(of_base).flatten();
     let rest = shape.or_else(|| bursts(&problem, &named.model.model)).or_else(of_base);
     let verdict = verdict(&named, &gap, rest.is_some(), is_told);

@@ -12,6 +12,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::blocks::Blocks;
+use super::candidate::Candidate;
 use super::crossed;
 use super::fit::{Effort, Fitted, fit, scale};
 use super::judged::{self, Judged};
@@ -56,68 +57,6 @@ const WORSE: f64 = 0.2;
 const NEAR: f64 = 4.0;
 const WHOLE: [f64; 2] = [0.04, 0.15];
 
-/// A candidate that was fitted.
-#[derive(Clone, Debug)]
-pub struct Candidate {
-    /// Base and effects with it.
-    pub fitted: Fitted,
-    /// Cost on the rows that were not fitted.
-    pub held: f64,
-    /// By how much it is better than the model without it, both parts, in units of one row's variance.
-    pub evidence: f64,
-    /// The gates it did not pass.
-    pub failed: Vec<Gate>,
-}
-
-impl Candidate {
-    /// The effect that it adds.
-    fn added(&self) -> Option<&Tried> {
-        self.fitted.model.effects.last()
-    }
-
-    /// Name of that effect, whichever law of it.
-    pub fn name(&self) -> &'static str {
-        self.added().map_or("", |tried| tried.entry.effect())
-    }
-
-    /// Whether nearly every axis has that effect.
-    pub(super) fn is_usual(&self) -> bool {
-        self.added().is_some_and(|tried| is_usual(tried.entry))
-    }
-
-    /// Whether the scale at the table alone shows it.
-    pub(super) fn is_of_table_scale(&self) -> bool {
-        self.added().is_some_and(|tried| tried.entry.is_of_table_scale())
-    }
-
-    /// Keys and values of that effect.
-    pub fn values(&self) -> impl Iterator<Item = (&'static str, f64)> {
-        let keyed = |tried: &Tried| tried.entry.parameters.iter().map(|one| one.key).zip(tried.values);
-        self.added().into_iter().flat_map(keyed)
-    }
-
-    /// Whether it explains what there is, and only its values are not what such an effect has, or some run speaks against it: what a
-    /// table does that sticks may speak against anything.
-    pub fn is_doubtful(&self) -> bool {
-        let is_doubt = |gate: &Gate| gate.is_of_values() || matches!(gate, Gate::Amplitude | Gate::Runs);
-        !self.failed.is_empty() && self.failed.iter().all(is_doubt)
-    }
-
-    /// Whether it is at a bound beyond which it is that other one.
-    pub fn is_on_its_way_to(&self, other: &Self) -> bool {
-        let is_other =
-            |model: Model| model.effects.last().is_some_and(|tried| tried.entry.effect() == other.name());
-        self.failed.contains(&Gate::Bounds) && self.fitted.model.with_last_as_alike().any(is_other)
-    }
-
-    /// Whether it shows that something is missing, and not what: it explains it with values that no such effect has, or
-    /// leaves much of it.
-    pub fn shows_something(&self) -> bool {
-        let shows = |gate: &Gate| gate.is_of_values() || *gate == Gate::Explains;
-        !self.failed.is_empty() && self.failed.iter().all(shows)
-    }
-}
-
 /// What a candidate has to pass.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
@@ -151,7 +90,7 @@ impl Gate {
     }
 
     /// Whether it is about values, and not about whether anything is there.
-    fn is_of_values(&self) -> bool {
+    pub(super) fn is_of_values(&self) -> bool {
         matches!(self, Self::Bounds | Self::Whole)
     }
 }
@@ -410,24 +349,6 @@ mod tests {
     use crate::offline::gap::sensors::tests::{showing, swinging};
     use crate::plant::effects::entry;
     use crate::plant::tests::paper_axis;
-
-    #[test]
-    fn odd_values_show_that_something_is_missing_where_rows_that_judge_want_them() {
-        let model = Model::new(paper_axis());
-        let fitted = Fitted { model, cost: 0.0, total: 0.0, covariance: DMatrix::identity(1, 1) };
-        for (failed, shows, is_doubtful) in [
-            (&[Gate::Bounds][..], true, true),
-            (&[Gate::Whole, Gate::Explains], true, false),
-            (&[Gate::Whole, Gate::Amplitude], false, true),
-            (&[Gate::Runs], false, true),
-            (&[Gate::Bounds, Gate::Judged], false, false),
-        ] {
-            let candidate =
-                Candidate { fitted: fitted.clone(), held: 0.0, evidence: 0.0, failed: failed.to_vec() };
-            assert_eq!(candidate.shows_something(), shows, "{failed:?}");
-            assert_eq!(candidate.is_doubtful(), is_doubtful, "{failed:?}");
-        }
-    }
 
     #[test]
     fn what_explains_a_fiftieth_is_fitted_by_all_ways() {

@@ -6,8 +6,9 @@
 use rayon::prelude::*;
 
 use super::blocks::Blocks;
+use super::candidate::Candidate;
 use super::fit::{self, Effort, Fitted, believed, fit, scale, total_of};
-use super::gates::{self, Candidate};
+use super::gates;
 use super::linear::Linear;
 use super::model::Model;
 use super::problem::{Part, Problem};

@@ -24,6 +24,7 @@ pub mod asked;
 pub mod behind;
 mod blocks;
 mod bursts;
+pub mod candidate;
 mod circles;
 pub mod clocks;
 pub mod consequence;

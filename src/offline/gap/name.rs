@@ -11,9 +11,10 @@
 //! Invariant: an effect that is named has passed every gate; one that has failed one is listed with it.
 
 use super::blocks::Blocks;
+use super::candidate::Candidate;
 use super::clocks;
 use super::fit::{Effort, Fitted, fit, to_the_bottom, total_of};
-use super::gates::{self, Candidate, Gate};
+use super::gates::{self, Gate};
 use super::little::without_little;
 use super::look::Look;
 use super::louder::Louder;

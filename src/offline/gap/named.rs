@@ -3,8 +3,9 @@
 //! Invariant: the base and the model that are held against each other stand on the same rows.
 
 use super::blocks::Blocks;
+use super::candidate::Candidate;
 use super::fit::Fitted;
-use super::gates::{Candidate, Gate};
+use super::gates::Gate;
 use super::model::Tried;
 use super::smallest::Smallest;
 use super::usual::is_usual;

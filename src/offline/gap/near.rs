@@ -8,8 +8,9 @@ use std::collections::BTreeSet;
 use rayon::prelude::*;
 
 use super::blocks::Blocks;
+use super::candidate::Candidate;
 use super::fit::{Fitted, scale, to_the_bottom};
-use super::gates::{Candidate, PLAIN, last_of};
+use super::gates::{PLAIN, last_of};
 use super::model::Model;
 use super::named::{NamedEffect, RunnerUp, is_alias};
 use super::problem::{Part, Problem};

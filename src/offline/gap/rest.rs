@@ -4,7 +4,8 @@
 
 use std::fmt;
 
-use super::locate::RunLeft;
+use super::forward::{CURRENT, FOLLOWING_ERROR};
+use super::locate::{Located, RunLeft};
 use super::model::Model;
 use super::problem::{SIGNALS, shown};
 use super::twin::BASE;
@@ -18,6 +19,18 @@ const STRAINED: f64 = 4.0;
 /// most, however much small reversals did. Fewer runs may be alike.
 const EVERYWHERE: f64 = 1.4;
 const RUNS_MIN: usize = 3;
+
+/// So much of what is left of following error or current is no chance over a coordinate of the machine: of two hundred signals of axes that lack
+/// nothing the most was 0.03. A table scale is not asked, for its zero is, nor a place or a time at which somebody may have leaned on the table.
+const SHAPE: f64 = 0.08;
+const OF_MACHINE: [Coordinate; 6] = [
+    Coordinate::Velocity,
+    Coordinate::Direction,
+    Coordinate::Angle,
+    Coordinate::WaySinceReversal,
+    Coordinate::TimeSinceReversal,
+    Coordinate::Acceleration,
+];
 
 /// Something that is left.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -58,6 +71,17 @@ impl Rest {
         most.map(|(signal, least)| Self::In { signal, shows: Shows::Everywhere(least) })
     }
 
+    /// Of a base that leaves a shape, though it may be no more than what passes differ by: what walks is noise to them.
+    pub(super) fn shaped(located: &[Located]) -> Option<Self> {
+        let is_plain = |one: &&Located| {
+            one.share > SHAPE
+                && [FOLLOWING_ERROR, CURRENT].contains(&one.signal)
+                && OF_MACHINE.contains(&one.coordinate)
+        };
+        let most = located.iter().filter(is_plain).max_by(|a, b| a.share.total_cmp(&b.share))?;
+        Some(Self::In { signal: most.signal, shows: Shows::Shaped(most.coordinate, most.share) })
+    }
+
     /// Of a base that explains all, and is no machine that the file could mean: a play of the scale head of 4 um passed for a damping
     /// of 8.7 times as much.
     pub(super) fn strained(base: &Model) -> Option<Self> {
@@ -74,6 +98,8 @@ impl Rest {
 pub enum Shows {
     /// It comes again over a coordinate in each run.
     Over(Coordinate),
+    /// It has a shape over a coordinate, which is so much of all that is left.
+    Shaped(Coordinate, f64),
     /// It sounds at a frequency, Hz.
     Tone(f64),
     /// It comes again after so much way, mm.
@@ -112,6 +138,11 @@ impl fmt::Display for Rest {
             Shows::Over(coordinate) => {
                 write!(out, "what is left of the {signal} comes again in each run, over the {coordinate}")
             }
+            Shows::Shaped(coordinate, share) => write!(
+                out,
+                "{:.0} % of what is left of the {signal} is a shape over the {coordinate}",
+                100.0 * share
+            ),
             Shows::Tone(frequency_hz) => {
                 write!(out, "what is left of the {signal} sounds at {frequency_hz:.0} Hz")
             }
@@ -138,6 +169,7 @@ impl fmt::Display for Rest {
 
 #[cfg(test)]
 mod tests {
+    use super::super::forward::DEFLECTION;
     use super::*;
     use crate::plant::tests::paper_axis;
 
@@ -156,6 +188,29 @@ mod tests {
         assert_eq!(everywhere(&[1.9, 13.0]), None);
         // A floor that no passes tell is a lower bound.
         assert_eq!(Rest::everywhere(&left(&[1.9, 13.0, 2.4, 1.6]), |signal| signal != 1), None);
+    }
+
+    #[test]
+    fn a_shape_of_what_loops_and_motor_show_is_real_and_one_of_a_zero_or_an_event_is_not() {
+        let located = |all: &[(usize, Coordinate, f64)]| -> Vec<Located> {
+            let of = |(signal, coordinate, share): &(usize, Coordinate, f64)| Located {
+                signal: *signal,
+                coordinate: *coordinate,
+                share: *share,
+                profile: Vec::new(),
+            };
+            all.iter().map(of).collect()
+        };
+        let shaped = |all: &[(usize, Coordinate, f64)]| Rest::shaped(&located(all));
+        let event = (CURRENT, Coordinate::Time, 0.3);
+        let zero = (DEFLECTION, Coordinate::Angle, 0.2);
+        assert_eq!(shaped(&[event, zero, (CURRENT, Coordinate::Angle, 0.05)]), None);
+        let rest = Rest::In { signal: FOLLOWING_ERROR, shows: Shows::Shaped(Coordinate::Acceleration, 0.13) };
+        assert_eq!(shaped(&[event, zero, (FOLLOWING_ERROR, Coordinate::Acceleration, 0.13)]), Some(rest));
+        assert_eq!(
+            rest.to_string(),
+            "13 % of what is left of the following error is a shape over the acceleration"
+        );
     }
 
     #[test]

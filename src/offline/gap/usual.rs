@@ -13,8 +13,9 @@
 use nalgebra::DMatrix;
 
 use super::blocks::Blocks;
+use super::candidate::Candidate;
 use super::fit::{Effort, Fitted, believed, fit};
-use super::gates::{Candidate, Gate, is_sure, judged};
+use super::gates::{Gate, is_sure, judged};
 use super::linear::{BLOCK_S, Linear, Loss, residuals};
 use super::model::{Model, Tried};
 use super::named::NamedEffect;

@@ -7,10 +7,10 @@ use std::fmt;
 
 use serde::Serialize;
 
+use super::candidate::Candidate;
 use super::fit::Fitted;
 use super::foretold::foretold;
 use super::forward::Signals;
-use super::gates::Candidate;
 use super::linear::BLOCK_S;
 use super::model::Model;
 use super::named::Named;
