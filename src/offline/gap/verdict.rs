@@ -29,6 +29,10 @@ const WIDE: f64 = 0.5;
 /// pitch error, a stiffness and a friction that change along the axis, to 83 %.
 const MANY: usize = 3;
 const CLOSED_BY_MANY: f64 = 0.9;
+/// In motion, what names close tells of them where there was this share of the power of noise and more.
+const SHOWN: f64 = 0.25;
+/// How long an axis has been moving until the reversal is over, s.
+const SINCE_S: f64 = 0.05;
 /// Share of what names explain that may be left in a shape: their equations may be off by as much.
 const LEFT_SHARE: f64 = 0.05;
 /// Share of the time in which what is left says nothing of what is named.
@@ -151,38 +155,59 @@ pub(super) fn shape(problem: &Problem<'_>, named: &Named) -> Option<Rest> {
 }
 
 /// Whether what was named leaves much of what there is: then it is something else that looks like it from afar. What is less than anybody would
-/// look for does not count: bristles follow no law to the last tenth of a micrometre.
+/// look for does not count: bristles follow no law to the last tenth of a micrometre. Nor does what they leave at reversals, where names close
+/// most of what there is in motion: of a spring or a ripple it tells nothing.
 pub(super) fn explains_too_little(problem: &Problem<'_>, named: &Named, gap: &[SignalGap]) -> bool {
     if !is_real(gap, |signal| signal.after) || !costs_more_than_noise(named) {
         return false;
     }
     let models = [&named.base.model, &named.model.model];
-    let mut blocks = blocks_of_power(problem, models);
-    // Somebody may have leaned on the table.
-    blocks.sort_by(|a, b| a[1].total_cmp(&b[1]));
-    blocks.truncate(blocks.len() - (LEANED * blocks.len() as f64).ceil() as usize);
-    leaves_much(&blocks, named.searched())
+    let power = |in_motion: bool| {
+        let mut blocks = blocks_of_power(problem, models, in_motion);
+        // Somebody may have leaned on the table.
+        blocks.sort_by(|a, b| a[1].total_cmp(&b[1]));
+        blocks.truncate(blocks.len() - (LEANED * blocks.len() as f64).ceil() as usize);
+        beyond_noise(&blocks)
+    };
+    leave_much([false, true].map(power), named.searched())
 }
 
-/// Whether so many names leave much, by the power of blocks before and after.
-fn leaves_much(blocks: &[[f64; 2]], names: usize) -> bool {
-    let [before, after] = [0, 1].map(|which| {
+/// Before and after, how much more than noise is in blocks on average, in units of its power.
+fn beyond_noise(blocks: &[[f64; 2]]) -> [f64; 2] {
+    [0, 1].map(|which| {
         let power = blocks.iter().map(|block| block[which]).sum::<f64>() / blocks.len().max(1) as f64;
         (power - 1.0).max(0.0)
-    });
+    })
+}
+
+/// Whether so many names leave much of what was plain, and do not close most of it in motion either.
+fn leave_much([all, in_motion]: [[f64; 2]; 2], names: usize) -> bool {
+    all[0] > PLAIN && !closes_much(all, names, PLAIN) && !closes_much(in_motion, names, SHOWN)
+}
+
+/// Whether so many names close enough of more than so much.
+fn closes_much([before, after]: [f64; 2], names: usize, least: f64) -> bool {
     let closed = if names >= MANY { CLOSED_BY_MANY } else { CLOSED };
-    before > PLAIN && after > (1.0 - closed) * before
+    before > least && after <= (1.0 - closed) * before
 }
 
 /// Power of what two models leave of each block of the rows that were not fitted, in units of noise, of the signal that
-/// shows most. Rows count as in [`gaps`]: a second in which the table creeps outweighs a minute here as well.
-fn blocks_of_power(problem: &Problem<'_>, models: [&Model; 2]) -> Vec<[f64; 2]> {
+/// shows most; of those alone in which the axis moves, if that is asked. Rows count as in [`gaps`]: a second in which the table creeps outweighs
+/// a minute here as well.
+fn blocks_of_power(problem: &Problem<'_>, models: [&Model; 2], in_motion: bool) -> Vec<[f64; 2]> {
     let length = problem.rows_in(BLOCK_S);
     let floors: [Option<f64>; SIGNALS.len()] =
         std::array::from_fn(|signal| problem.floor(signal, Part::Held));
     let mut blocks = Vec::new();
     for place in problem.places(Part::Held) {
-        let rows = problem.data[place].rows(Part::Held);
+        let data = &problem.data[place];
+        let moves = problem.has_moved(data, models[0], SINCE_S);
+        let rows: Vec<bool> = data
+            .rows(Part::Held)
+            .iter()
+            .zip(moves)
+            .map(|(counts, moves)| *counts && (moves || !in_motion))
+            .collect();
         let simulated = models.map(|model| problem.simulated(place, model));
         let left: Vec<[Vec<f64>; 2]> = (0..SIGNALS.len())
             .filter_map(|signal| {
@@ -307,10 +332,24 @@ mod tests {
             (1.4, 1.4, 1, false),
             (1.0, 1.0, 3, false),
         ] {
-            let found = leaves_much(&[[before, after]; 8], names);
-            assert_eq!(found, is_too_little, "{before}, {after} with {names}");
+            let power = beyond_noise(&[[before, after]; 8]);
+            assert_eq!(leave_much([power; 2], names), is_too_little, "{before}, {after} with {names}");
         }
         // Of all blocks together.
-        assert!(!leaves_much(&[[4.0, 4.0], [60.0, 1.0]], 1));
+        assert!(!leave_much([beyond_noise(&[[4.0, 4.0], [60.0, 1.0]]); 2], 1));
+    }
+
+    #[test]
+    fn what_is_left_at_reversals_says_nothing_of_a_name_that_closes_most_in_motion() {
+        for (all, in_motion, is_too_little) in [
+            // A spring, and a ripple, on guides of another law; a reach of a cable chain as a pitch error.
+            ([1.80, 0.83], [0.45, 0.02], false),
+            ([15.1, 4.2], [9.9, 0.7], false),
+            ([6.3, 4.0], [2.4, 1.2], true),
+            // It shows at reversals alone.
+            ([6.3, 4.0], [0.1, 0.0], true),
+        ] {
+            assert_eq!(leave_much([all, in_motion], 1), is_too_little, "{all:?}, {in_motion:?}");
+        }
     }
 }
