@@ -12,7 +12,7 @@ use super::hooks::{
 use crate::base::units::{Force as Newtons, Position, Velocity};
 
 /// Forces of an axis that remember something.
-const MEMORIES_MAX: usize = 4;
+const MEMORIES_MAX: usize = 2;
 /// Turns after which a deflection is found: of a zone that is nine tenths soft a hundredth of a per cent is left to find.
 const WINDINGS: usize = 90;
 
@@ -31,12 +31,7 @@ pub(in crate::plant) struct Remembered {
 impl Remembered {
     /// Of an axis at rest.
     pub(in crate::plant) const REST: Self =
-        Self { time_s: 0.0, bristles_n: [0.0; BRISTLES], pushed_n: 0.0, forces: [[0.0; 3]; MEMORIES_MAX] };
-
-    /// Force of all bristles together, N.
-    pub(super) fn all_bristles_n(&self) -> f64 {
-        self.bristles_n.iter().sum()
-    }
+        Self { time_s: 0.0, bristles_n: [0.0; BRISTLES], pushed_n: 0.0, forces: [[0.0; 2]; MEMORIES_MAX] };
 }
 
 /// A force and the number of its memory, if it has one.
@@ -49,7 +44,7 @@ pub(super) struct Forced {
 impl Forced {
     /// What it remembers.
     pub(super) fn memory<'r>(&self, all: &'r Remembered) -> &'r Memory {
-        const NOTHING: &Memory = &[0.0; 3];
+        const NOTHING: &Memory = &[0.0; 2];
         self.memory.map_or(NOTHING, |number| &all.forces[number])
     }
 }

@@ -31,7 +31,7 @@ pub(in crate::plant) struct Instant {
 }
 
 /// What a force remembers from one step to the next; zeros at first.
-pub(in crate::plant) type Memory = [f64; 3];
+pub(in crate::plant) type Memory = [f64; 2];
 
 /// A friction beside that of the law.
 pub(in crate::plant) trait Friction: Debug + Send + Sync {

@@ -83,6 +83,11 @@ impl Bristles {
         std::array::from_fn(|place| if place < self.count { force_n / self.count as f64 } else { 0.0 })
     }
 
+    /// Force of all of them on the table, N.
+    pub(super) fn together_n(&self, forces_n: &[f64; BRISTLES]) -> f64 {
+        if self.slip_at_once() { forces_n.iter().sum() } else { forces_n[0] }
+    }
+
     /// Their forces after a way, N, where `sliding_n` is that of sliding.
     pub(super) fn move_by(&self, forces_n: &mut [f64; BRISTLES], sliding_n: f64, way_m: f64) {
         if sliding_n <= 0.0 {
@@ -91,7 +96,7 @@ impl Bristles {
         }
         if !self.slip_at_once() {
             let end_n = sliding_n.copysign(way_m);
-            let bend = fallen(self.stiffnesses_n_per_m[0] * way_m.abs() / sliding_n);
+            let bend = fallen(self.stiffnesses_n_per_m[0] * way_m.abs(), sliding_n);
             forces_n[0] = end_n - (end_n - forces_n[0]) * bend;
             return;
         }
@@ -102,19 +107,21 @@ impl Bristles {
     }
 }
 
-/// `exp(-x)`: most steps of a table that stands or runs are far shorter or longer than its way.
+/// `exp(-by / of)`, of what is not negative: most steps of a table that stands or runs are far shorter or longer than its way.
 #[inline(always)]
-fn fallen(x: f64) -> f64 {
-    // Up to the one a fraction of second degree is right to the last bits, beyond the other nothing is left of one.
-    const SHORT: f64 = 1e-3;
+fn fallen(by: f64, of: f64) -> f64 {
+    // Up to the one a fraction of fourth degree is right to the last bits, beyond the other nothing is left of one.
+    const SHORT: f64 = 0.1;
     const LONG: f64 = 40.0;
-    if x < SHORT {
-        let (even, odd) = (12.0 + x * x, 6.0 * x);
+    if by < SHORT * of {
+        let [by2, of2, both] = [by * by, of * of, by * of];
+        let even = 1680.0 * of2 * of2 + by2 * (180.0 * of2 + by2);
+        let odd = both * (840.0 * of2 + 20.0 * by2);
         (even - odd) / (even + odd)
-    } else if x > LONG {
+    } else if by > LONG * of {
         0.0
     } else {
-        libm::exp(-x)
+        libm::exp(-by / of)
     }
 }
 
@@ -142,8 +149,8 @@ mod tests {
 
     #[test]
     fn what_is_left_of_a_bend_is_exponential_over_short_ways_and_long_ones() {
-        for x in [0.0, 1e-12, 1e-6, 0.999e-3, 1e-3, 1.001e-3, 0.5, 39.9, 40.1, 700.0] {
-            let (found, asked) = (fallen(x), libm::exp(-x));
+        for x in [0.0, 1e-12, 1e-6, 1e-3, 0.06, 0.099, 0.101, 0.5, 39.9, 40.1, 700.0] {
+            let (found, asked) = (fallen(1_700.0 * x, 1_700.0), libm::exp(-x));
             assert!((found - asked).abs() <= f64::EPSILON, "{found} and {asked} at {x}");
         }
     }

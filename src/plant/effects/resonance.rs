@@ -71,7 +71,7 @@ impl Force for Mode {
     }
 
     fn memory(&self, velocity_m_per_s: f64) -> Option<Memory> {
-        Some([0.0, velocity_m_per_s, 0.0])
+        Some([0.0, velocity_m_per_s])
     }
 
     fn advance(&self, memory: &mut Memory, from: &Instant, to: &Instant, step_s: f64) {
@@ -80,8 +80,7 @@ impl Force for Mode {
         let half_s = 0.5 * step_s;
         let middle_m_per_s = (relative_m_per_s - half_s * self.spring_per_s2 * way_m)
             / (1.0 + half_s * (self.damper_per_s + half_s * self.spring_per_s2));
-        *memory =
-            [way_m + step_s * middle_m_per_s, table_m_per_s + 2.0 * middle_m_per_s - relative_m_per_s, 0.0];
+        *memory = [way_m + step_s * middle_m_per_s, table_m_per_s + 2.0 * middle_m_per_s - relative_m_per_s];
     }
 
     fn prepare(&self, axis: &mut Parameters) {

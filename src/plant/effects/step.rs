@@ -33,7 +33,7 @@ fn holds(breakaway_n: f64, start_n: f64, end_n: f64) -> bool {
 }
 
 /// Bristles that are so near to slipping are no spring.
-const BENT: f64 = 1e-4;
+const BENT: f64 = 1e-3;
 
 /// An axis without effects, but for a force on its table that is always the same, N.
 #[derive(Clone, Copy, Debug)]
@@ -152,9 +152,14 @@ impl Acting {
         (all_n, at)
     }
 
+    /// Whether friction holds the table; bristles hold it by their force and let it move.
+    fn is_held(&self, body: &Body) -> bool {
+        body.slide == 0.0 && self.bristles.is_none()
+    }
+
     fn loads(&self, body: &Body, maps: &StepMaps, at: &Instant, all: &Remembered) -> Loads {
-        let friction_n = match self.bristles {
-            Some(_) => all.all_bristles_n(),
+        let friction_n = match &self.bristles {
+            Some(bristles) => bristles.together_n(&all.bristles_n),
             None => self.friction_n(body.law.magnitude_n(at.speed_m_per_s), at) * at.side,
         };
         let mut loads = Loads { motor_n: 0.0, table_n: friction_n - all.pushed_n - self.push_n };
@@ -167,38 +172,59 @@ impl Acting {
         loads
     }
 
-    /// What is remembered, after a step.
-    fn advance(&self, all: &mut Remembered, law: &Law, length_s: f64, from: &Instant, to: &Instant) {
+    /// What is remembered, after a step, and the friction of bristles over it, N: what it is known to be, or as at its end.
+    fn advance(
+        &self,
+        all: &mut Remembered,
+        (law, known_n): (&Law, Option<f64>),
+        length_s: f64,
+        from: &Instant,
+        to: &Instant,
+    ) -> Option<f64> {
         all.time_s = to.time_s;
         for forced in &self.forces {
             if let Some(number) = forced.memory {
                 forced.force.advance(&mut all.forces[number], from, to, length_s);
             }
         }
-        if let Some(bristles) = &self.bristles {
+        let bristles = self.bristles.as_ref()?;
+        let as_at_its_end = || {
             let side = (to.table_m - from.table_m).signum();
             let speed_m_per_s = if bristles.slip_at_once() {
                 to.table_m_per_s.abs()
             } else {
                 0.5 * (from.table_m_per_s + to.table_m_per_s).abs()
             };
-            let rubbing = Instant { speed_m_per_s, side, ..*to };
-            let sliding_n = self.friction_n(law.magnitude_n(speed_m_per_s), &rubbing);
-            bristles.move_by(&mut all.bristles_n, sliding_n, to.table_m - from.table_m);
-        }
+            self.friction_n(law.magnitude_n(speed_m_per_s), &Instant { speed_m_per_s, side, ..*to })
+        };
+        let sliding_n = known_n.unwrap_or_else(as_at_its_end);
+        bristles.move_by(&mut all.bristles_n, sliding_n, to.table_m - from.table_m);
+        // For one bristle it is the same to the order of the step at the end that was predicted; many follow at once where the law falls.
+        (!bristles.slip_at_once()).then_some(sliding_n)
     }
 
-    /// Both ends of a step by a map.
+    /// Both ends of a step by a map, and what friction of bristles over it is known to be.
     // Most effects remember nothing, and copies of it would be a tenth of their steps.
     #[inline(always)]
-    fn carried(&self, body: &Body, maps: &StepMaps, map: &Map, command_n: f64) -> (Instant, Motion) {
+    fn carried(
+        &self,
+        body: &Body,
+        maps: &StepMaps,
+        map: &Map,
+        command_n: f64,
+    ) -> (Instant, Motion, Option<f64>) {
         let from = self.instant(body, maps.screw(), &body.motion, body.remembered.time_s);
+        // What acts on a table that is held moves nothing.
+        if self.forces.is_empty() && self.is_held(body) {
+            return (from, map.apply(&body.motion, command_n, 0.0), None);
+        }
         let start = self.loads(body, maps, &from, &body.remembered);
         let mut end = map.apply_loaded(&body.motion, command_n, start.motor_n, start.table_n);
         let predicted = self.instant(body, maps.screw(), &end, from.time_s + maps.length_s);
+        let mut known_n = None;
         let last = if self.remembers() {
             let mut then = body.remembered;
-            self.advance(&mut then, &body.law, maps.length_s, &from, &predicted);
+            known_n = self.advance(&mut then, (&body.law, None), maps.length_s, &from, &predicted);
             self.loads(body, maps, &predicted, &then)
         } else {
             self.loads(body, maps, &predicted, &body.remembered)
@@ -208,17 +234,24 @@ impl Acting {
             0.5 * (last.motor_n - start.motor_n),
             0.5 * (last.table_n - start.table_n),
         );
-        (from, end)
+        (from, end, known_n)
     }
 
     /// What is remembered where a step has come from one instant to this motion; nothing where that is what was before, but for the
     /// time.
     #[inline(always)]
-    fn then(&self, body: &Body, maps: &StepMaps, from: &Instant, end: &Motion) -> Option<Remembered> {
+    fn then(
+        &self,
+        body: &Body,
+        maps: &StepMaps,
+        known_n: Option<f64>,
+        from: &Instant,
+        end: &Motion,
+    ) -> Option<Remembered> {
         self.remembers().then(|| {
             let to = self.instant(body, maps.screw(), end, from.time_s + maps.length_s);
             let mut then = body.remembered;
-            self.advance(&mut then, &body.law, maps.length_s, from, &to);
+            self.advance(&mut then, (&body.law, known_n), maps.length_s, from, &to);
             then
         })
     }
@@ -247,7 +280,7 @@ impl Stepping for Acting {
                 let screw = [body.stiffness_n_per_m, body.damping_n_s_per_m];
                 let at = self.instant(body, screw, &body.motion, body.remembered.time_s);
                 let sliding_n = self.friction_n(body.law.magnitude_n(at.speed_m_per_s), &at) * at.side;
-                let left_n = body.remembered.all_bristles_n() - sliding_n;
+                let left_n = bristles.together_n(&body.remembered.bristles_n) - sliding_n;
                 let are_slipping = left_n.abs() <= BENT * sliding_n.abs();
                 if body.is_running() && are_slipping { pace } else { bristles.pace.max(pace) }
             }
@@ -255,10 +288,10 @@ impl Stepping for Acting {
     }
 
     fn span(&self, body: &mut Body, maps: &StepMaps, command_n: f64) -> bool {
-        let stands = body.slide == 0.0 && self.bristles.is_none();
+        let stands = self.is_held(body);
         let map = if stands { &maps.stick } else { &maps.slip };
-        let (from, end) = self.carried(body, maps, map, command_n);
-        let remembered = self.then(body, maps, &from, &end);
+        let (from, end, known_n) = self.carried(body, maps, map, command_n);
+        let remembered = self.then(body, maps, known_n, &from, &end);
         let goes_on = if stands {
             let begins_s = body.remembered.time_s;
             let then = remembered.as_ref().unwrap_or(&body.remembered);
@@ -282,12 +315,12 @@ impl Stepping for Acting {
     }
 
     fn moved(&self, body: &mut Body, maps: &StepMaps, command_n: f64) -> bool {
-        let is_free = body.slide != 0.0 || self.bristles.is_some();
-        let map = if is_free { &maps.slip } else { &maps.stick };
-        let (from, end) = self.carried(body, maps, map, command_n);
+        let is_held = self.is_held(body);
+        let map = if is_held { &maps.stick } else { &maps.slip };
+        let (from, end, known_n) = self.carried(body, maps, map, command_n);
         if self.remembers() {
             let to = self.instant(body, maps.screw(), &end, from.time_s + maps.length_s);
-            self.advance(&mut body.remembered, &body.law, maps.length_s, &from, &to);
+            self.advance(&mut body.remembered, (&body.law, known_n), maps.length_s, &from, &to);
         } else {
             body.remembered.time_s += maps.length_s;
         }
@@ -297,7 +330,7 @@ impl Stepping for Acting {
             body.slide = body.motion[2].signum();
             return false;
         }
-        !is_free || body.stands()
+        is_held || body.stands()
     }
 
     fn break_away(&self, body: &mut Body, maps: &StepMaps, deflection_m: f64, pull_n: f64) {
