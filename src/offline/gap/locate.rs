@@ -37,6 +37,8 @@ pub struct Located {
     pub coordinate: Coordinate,
     /// Share of the variance of what the base leaves that its means explain, beyond chance.
     pub share: f64,
+    /// How many standard deviations of chance that is.
+    pub deviations: f64,
     /// Middle of each bin in the unit of the coordinate, and what base and named model leave there on average.
     pub profile: Vec<[f64; 3]>,
 }
@@ -219,6 +221,7 @@ fn shape(runs: &[Rows], signal: usize, over: usize) -> Option<Located> {
     if chance.iter().any(|chance| *chance >= found) || found - usual < LEAST {
         return None;
     }
+    let variance = chance.iter().map(|chance| (chance - usual).powi(2)).sum::<f64>() / (SHIFTS - 1) as f64;
     let mut sums = vec![[0.0; 4]; bins];
     for ((bins, left), (values, _)) in binned.iter().zip(&runs) {
         for ((bin, [before, after]), value) in bins.iter().zip(*left).zip(values) {
@@ -231,6 +234,7 @@ fn shape(runs: &[Rows], signal: usize, over: usize) -> Option<Located> {
         signal,
         coordinate: COORDINATES[over].0,
         share: found - usual,
+        deviations: (found - usual) / variance.sqrt().max(f64::MIN_POSITIVE),
         profile: profile.collect(),
     })
 }

@@ -20,9 +20,10 @@ const STRAINED: f64 = 4.0;
 const EVERYWHERE: f64 = 1.4;
 const RUNS_MIN: usize = 3;
 
-/// So much of what is left of following error or current is no chance over a coordinate of the machine: of two hundred signals of axes that lack
-/// nothing the most was 0.03. A table scale is not asked, for its zero is, nor a place or a time at which somebody may have leaned on the table.
-const SHAPE: f64 = 0.08;
+/// So much of what is left of following error or current, and so many standard deviations of chance, is a shape over a coordinate of the machine: of
+/// two hundred signals of axes that lack nothing the most was 0.03, and of fifteen seconds 0.1, which is 3.3 deviations there. A table scale is not
+/// asked, for its zero is, nor a place or a time at which somebody may have leaned on the table.
+const SHAPE: (f64, f64) = (0.08, 7.0);
 const OF_MACHINE: [Coordinate; 6] = [
     Coordinate::Velocity,
     Coordinate::Direction,
@@ -74,7 +75,8 @@ impl Rest {
     /// Of a base that leaves a shape, though it may be no more than what passes differ by: what walks is noise to them.
     pub(super) fn shaped(located: &[Located]) -> Option<Self> {
         let is_plain = |one: &&Located| {
-            one.share > SHAPE
+            one.share > SHAPE.0
+                && one.deviations > SHAPE.1
                 && [FOLLOWING_ERROR, CURRENT].contains(&one.signal)
                 && OF_MACHINE.contains(&one.coordinate)
         };
@@ -192,21 +194,24 @@ mod tests {
 
     #[test]
     fn a_shape_of_what_loops_and_motor_show_is_real_and_one_of_a_zero_or_an_event_is_not() {
-        let located = |all: &[(usize, Coordinate, f64)]| -> Vec<Located> {
+        let located = |all: &[(usize, Coordinate, f64)], deviations: f64| -> Vec<Located> {
             let of = |(signal, coordinate, share): &(usize, Coordinate, f64)| Located {
                 signal: *signal,
                 coordinate: *coordinate,
                 share: *share,
+                deviations,
                 profile: Vec::new(),
             };
             all.iter().map(of).collect()
         };
-        let shaped = |all: &[(usize, Coordinate, f64)]| Rest::shaped(&located(all));
+        let shaped = |all: &[(usize, Coordinate, f64)]| Rest::shaped(&located(all, 9.0));
         let event = (CURRENT, Coordinate::Time, 0.3);
         let zero = (DEFLECTION, Coordinate::Angle, 0.2);
         assert_eq!(shaped(&[event, zero, (CURRENT, Coordinate::Angle, 0.05)]), None);
         let rest = Rest::In { signal: FOLLOWING_ERROR, shows: Shows::Shaped(Coordinate::Acceleration, 0.13) };
-        assert_eq!(shaped(&[event, zero, (FOLLOWING_ERROR, Coordinate::Acceleration, 0.13)]), Some(rest));
+        let shape = (FOLLOWING_ERROR, Coordinate::Acceleration, 0.13);
+        assert_eq!(shaped(&[event, zero, shape]), Some(rest));
+        assert_eq!(Rest::shaped(&located(&[shape], 3.3)), None, "chance of a few seconds");
         assert_eq!(
             rest.to_string(),
             "13 % of what is left of the following error is a shape over the acceleration"
