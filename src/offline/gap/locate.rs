@@ -253,3 +253,47 @@ fn explained(runs: &[(Vec<usize>, &[[f64; 2]])], bins: usize, mut by: impl FnMut
     let means = sums.iter().filter(|sum| sum[1] > 0.0).map(|[sum, count]| sum * sum / count);
     means.sum::<f64>() / f64::max(whole, f64::MIN_POSITIVE)
 }
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::TAU;
+
+    use rand_distr::{Distribution, StandardNormal};
+
+    use super::*;
+
+    const ROWS: usize = 8_000;
+
+    /// A run that goes back and forth, with what is left by its place and noise.
+    fn run(seed: u64, left: impl Fn(f64, f64) -> f64, forgets: f64) -> Rows {
+        let mut random = Pcg64Mcg::seed_from_u64(seed);
+        let mut noise = 0.0;
+        let (mut coordinates, mut of_first) = (Vec::new(), Vec::new());
+        for row in 0..ROWS {
+            let at = row as f64;
+            let place = (0.005_71 * at).sin() + 0.3 * (0.002_13 * at).sin();
+            let white: f64 = StandardNormal.sample(&mut random);
+            noise += (white - noise) * forgets;
+            let mut of_row = [0.0; COORDINATES.len()];
+            of_row[place_of(Coordinate::Position)] = place;
+            coordinates.push(of_row);
+            of_first.push([left(place, noise), 0.0]);
+        }
+        Rows { coordinates, left: [of_first, Vec::new(), Vec::new()] }
+    }
+
+    fn found(run: Rows) -> Option<Located> {
+        shape(&[run], 0, place_of(Coordinate::Position))
+    }
+
+    #[test]
+    fn a_shape_is_many_deviations_of_chance_and_noise_that_is_slow_is_few() {
+        let shape = found(run(1, |place, noise| 0.5 * (TAU * place).sin() + noise, 1.0)).expect("a shape");
+        assert!((0.08..0.14).contains(&shape.share) && shape.deviations > 7.0, "{shape:?}");
+        let slow: Vec<Located> =
+            (0..40).filter_map(|seed| found(run(seed, |_, noise| noise, 1e-2))).collect();
+        let most = slow.iter().map(|slow| slow.share).fold(0.0, f64::max);
+        assert!(most > shape.share, "a share of {most} by chance");
+        assert!(slow.iter().all(|slow| slow.deviations < 7.0), "{slow:?}");
+    }
+}
