@@ -20,7 +20,7 @@ use crate::base::units::Velocity;
 
 /// How many times faster than the end of the fall of friction, and for how long already, s.
 const FASTER: f64 = 4.0;
-const SINCE_S: f64 = 0.05;
+pub(super) const SINCE_S: f64 = 0.05;
 /// Fewer rows tell no base, s.
 const LEAST_S: f64 = 2.0;
 /// What rows in motion say nothing of, as [`super::twin::BASE`] names it.

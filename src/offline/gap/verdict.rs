@@ -13,6 +13,7 @@ use super::foretold::foretold;
 use super::forward::Signals;
 use super::linear::BLOCK_S;
 use super::model::Model;
+use super::moving::SINCE_S;
 use super::named::Named;
 use super::problem::{Part, Problem, SIGNALS, shown};
 use super::rest::Rest;
@@ -31,8 +32,6 @@ const MANY: usize = 3;
 const CLOSED_BY_MANY: f64 = 0.9;
 /// In motion, what names close tells of them where there was this share of the power of noise and more.
 const SHOWN: f64 = 0.25;
-/// How long an axis has been moving until the reversal is over, s.
-const SINCE_S: f64 = 0.05;
 /// Share of what names explain that may be left in a shape: their equations may be off by as much.
 const LEFT_SHARE: f64 = 0.05;
 /// Share of the time in which what is left says nothing of what is named.
