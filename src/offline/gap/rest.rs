@@ -4,7 +4,7 @@
 
 use std::fmt;
 
-use super::forward::{CURRENT, FOLLOWING_ERROR};
+use super::forward::DEFLECTION;
 use super::locate::{Located, RunLeft};
 use super::model::Model;
 use super::problem::{SIGNALS, shown};
@@ -21,10 +21,11 @@ const EVERYWHERE: f64 = 1.4;
 const RUNS_MIN: usize = 3;
 
 /// So much of what is left of following error or current, and so many standard deviations of chance, is a shape over a coordinate of the machine: of
-/// two hundred signals of axes that lack nothing the most was 0.03, and of fifteen seconds 0.1, which is 3.3 deviations there. A table scale is not
-/// asked, for its zero is, nor a place or a time at which somebody may have leaned on the table.
+/// two hundred signals of axes that lack nothing the most was 0.03, and of fifteen seconds 0.1, which is 3.3 deviations there. Nor is a place or a
+/// time asked, where somebody may have leaned on the table.
 const SHAPE: (f64, f64) = (0.08, 7.0);
 const OF_MACHINE: [Coordinate; 6] = [
+    // The deflection has a zero along the way, and tells of these two alone.
     Coordinate::Velocity,
     Coordinate::Direction,
     Coordinate::Angle,
@@ -74,11 +75,9 @@ impl Rest {
 
     /// Of a base that leaves a shape, though it may be no more than what passes differ by: what walks is noise to them.
     pub(super) fn shaped(located: &[Located]) -> Option<Self> {
+        let told = |signal: usize| if signal == DEFLECTION { &OF_MACHINE[..2] } else { &OF_MACHINE[..] };
         let is_plain = |one: &&Located| {
-            one.share > SHAPE.0
-                && one.deviations > SHAPE.1
-                && [FOLLOWING_ERROR, CURRENT].contains(&one.signal)
-                && OF_MACHINE.contains(&one.coordinate)
+            one.share > SHAPE.0 && one.deviations > SHAPE.1 && told(one.signal).contains(&one.coordinate)
         };
         let most = located.iter().filter(is_plain).max_by(|a, b| a.share.total_cmp(&b.share))?;
         Some(Self::In { signal: most.signal, shows: Shows::Shaped(most.coordinate, most.share) })
@@ -171,7 +170,7 @@ impl fmt::Display for Rest {
 
 #[cfg(test)]
 mod tests {
-    use super::super::forward::DEFLECTION;
+    use super::super::forward::{CURRENT, FOLLOWING_ERROR};
     use super::*;
     use crate::plant::tests::paper_axis;
 
@@ -193,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn a_shape_of_what_loops_and_motor_show_is_real_and_one_of_a_zero_or_an_event_is_not() {
+    fn a_shape_over_what_the_machine_does_is_real_and_one_of_a_zero_or_an_event_is_not() {
         let located = |all: &[(usize, Coordinate, f64)], deviations: f64| -> Vec<Located> {
             let of = |(signal, coordinate, share): &(usize, Coordinate, f64)| Located {
                 signal: *signal,
@@ -211,6 +210,8 @@ mod tests {
         let rest = Rest::In { signal: FOLLOWING_ERROR, shows: Shows::Shaped(Coordinate::Acceleration, 0.13) };
         let shape = (FOLLOWING_ERROR, Coordinate::Acceleration, 0.13);
         assert_eq!(shaped(&[event, zero, shape]), Some(rest));
+        let loose = Rest::In { signal: DEFLECTION, shows: Shows::Shaped(Coordinate::Direction, 0.11) };
+        assert_eq!(shaped(&[event, zero, (DEFLECTION, Coordinate::Direction, 0.11)]), Some(loose));
         assert_eq!(Rest::shaped(&located(&[shape], 3.3)), None, "chance of a few seconds");
         assert_eq!(
             rest.to_string(),
