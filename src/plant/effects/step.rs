@@ -203,19 +203,15 @@ impl Acting {
         (!bristles.slip_at_once()).then_some(sliding_n)
     }
 
-    /// Both ends of a step by a map, and what friction of bristles over it is known to be.
+    /// Both ends of a step, and what friction of bristles over it is known to be.
     // Most effects remember nothing, and copies of it would be a tenth of their steps.
     #[inline(always)]
-    fn carried(
-        &self,
-        body: &Body,
-        maps: &StepMaps,
-        map: &Map,
-        command_n: f64,
-    ) -> (Instant, Motion, Option<f64>) {
+    fn carried(&self, body: &Body, maps: &StepMaps, command_n: f64) -> (Instant, Motion, Option<f64>) {
+        let is_held = self.is_held(body);
+        let map = if is_held { &maps.stick } else { &maps.slip };
         let from = self.instant(body, maps.screw(), &body.motion, body.remembered.time_s);
         // What acts on a table that is held moves nothing.
-        if self.forces.is_empty() && self.is_held(body) {
+        if self.forces.is_empty() && is_held {
             return (from, map.apply(&body.motion, command_n, 0.0), None);
         }
         let start = self.loads(body, maps, &from, &body.remembered);
@@ -289,8 +285,7 @@ impl Stepping for Acting {
 
     fn span(&self, body: &mut Body, maps: &StepMaps, command_n: f64) -> bool {
         let stands = self.is_held(body);
-        let map = if stands { &maps.stick } else { &maps.slip };
-        let (from, end, known_n) = self.carried(body, maps, map, command_n);
+        let (from, end, known_n) = self.carried(body, maps, command_n);
         let remembered = self.then(body, maps, known_n, &from, &end);
         let goes_on = if stands {
             let begins_s = body.remembered.time_s;
@@ -316,8 +311,7 @@ impl Stepping for Acting {
 
     fn moved(&self, body: &mut Body, maps: &StepMaps, command_n: f64) -> bool {
         let is_held = self.is_held(body);
-        let map = if is_held { &maps.stick } else { &maps.slip };
-        let (from, end, known_n) = self.carried(body, maps, map, command_n);
+        let (from, end, known_n) = self.carried(body, maps, command_n);
         if self.remembers() {
             let to = self.instant(body, maps.screw(), &end, from.time_s + maps.length_s);
             self.advance(&mut body.remembered, (&body.law, known_n), maps.length_s, &from, &to);
