@@ -161,14 +161,13 @@ pub(super) fn explains_too_little(problem: &Problem<'_>, named: &Named, gap: &[S
         return false;
     }
     let models = [&named.base.model, &named.model.model];
-    let power = |in_motion: bool| {
-        let mut blocks = blocks_of_power(problem, models, in_motion);
+    let power = |mut blocks: Vec<[f64; 2]>| {
         // Somebody may have leaned on the table.
         blocks.sort_by(|a, b| a[1].total_cmp(&b[1]));
         blocks.truncate(blocks.len() - (LEANED * blocks.len() as f64).ceil() as usize);
         beyond_noise(&blocks)
     };
-    leave_much([false, true].map(power), named.searched())
+    leave_much(blocks_of_power(problem, models).map(power), named.searched())
 }
 
 /// Before and after, how much more than noise is in blocks on average, in units of its power.
@@ -191,22 +190,18 @@ fn closes_much([before, after]: [f64; 2], names: usize, least: f64) -> bool {
 }
 
 /// Power of what two models leave of each block of the rows that were not fitted, in units of noise, of the signal that
-/// shows most; of those alone in which the axis moves, if that is asked. Rows count as in [`gaps`]: a second in which the table creeps outweighs
+/// shows most: of all, and of those alone in which the axis moves. Rows count as in [`gaps`]: a second in which the table creeps outweighs
 /// a minute here as well.
-fn blocks_of_power(problem: &Problem<'_>, models: [&Model; 2], in_motion: bool) -> Vec<[f64; 2]> {
+fn blocks_of_power(problem: &Problem<'_>, models: [&Model; 2]) -> [Vec<[f64; 2]>; 2] {
     let length = problem.rows_in(BLOCK_S);
     let floors: [Option<f64>; SIGNALS.len()] =
         std::array::from_fn(|signal| problem.floor(signal, Part::Held));
-    let mut blocks = Vec::new();
+    let mut blocks = [Vec::new(), Vec::new()];
     for place in problem.places(Part::Held) {
         let data = &problem.data[place];
+        let all = data.rows(Part::Held);
         let moves = problem.has_moved(data, models[0], SINCE_S);
-        let rows: Vec<bool> = data
-            .rows(Part::Held)
-            .iter()
-            .zip(moves)
-            .map(|(counts, moves)| *counts && (moves || !in_motion))
-            .collect();
+        let in_motion: Vec<bool> = all.iter().zip(moves).map(|(counts, moves)| *counts && moves).collect();
         let simulated = models.map(|model| problem.simulated(place, model));
         let left: Vec<[Vec<f64>; 2]> = (0..SIGNALS.len())
             .filter_map(|signal| {
@@ -219,22 +214,29 @@ fn blocks_of_power(problem: &Problem<'_>, models: [&Model; 2], in_motion: bool) 
                 Some(simulated.each_ref().map(of))
             })
             .collect();
-        for from in (0..rows.len()).step_by(length) {
-            let counting: Vec<usize> =
-                (from..rows.len().min(from + length)).filter(|row| rows[*row]).collect();
-            if counting.is_empty() {
-                continue;
-            }
-            let power = |which: usize| {
-                let of = |signal: &[Vec<f64>; 2]| {
-                    counting.iter().filter_map(|row| signal[which].get(*row)).sum::<f64>()
-                };
-                left.iter().map(of).fold(0.0, f64::max) / counting.len() as f64
-            };
-            blocks.push([power(0), power(1)]);
+        for (blocks, rows) in blocks.iter_mut().zip([all, &in_motion]) {
+            blocks.extend(powers(&left, rows, length));
         }
     }
     blocks
+}
+
+/// What is left of each block of so many rows that has any that count, of the signal that shows most of each of two models.
+fn powers<'l>(
+    left: &'l [[Vec<f64>; 2]],
+    rows: &'l [bool],
+    length: usize,
+) -> impl Iterator<Item = [f64; 2]> + 'l {
+    (0..rows.len()).step_by(length).filter_map(move |from| {
+        let counting: Vec<usize> = (from..rows.len().min(from + length)).filter(|row| rows[*row]).collect();
+        let power = |which: usize| {
+            let of = |signal: &[Vec<f64>; 2]| {
+                counting.iter().filter_map(|row| signal[which].get(*row)).sum::<f64>()
+            };
+            left.iter().map(of).fold(0.0, f64::max) / counting.len() as f64
+        };
+        (!counting.is_empty()).then(|| [0, 1].map(power))
+    })
 }
 
 /// Whether a gap is so much beyond noise that anybody would look for what makes it.
