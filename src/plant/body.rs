@@ -15,8 +15,9 @@ use super::params::Parameters;
 #[derive(Clone, Debug)]
 pub(super) struct Part {
     whole: StepMaps,
-    /// For an axis with effects, whose forces may ask for it.
+    /// For an axis with effects, whose forces may ask for them: half of it and a fifth.
     half: Option<StepMaps>,
+    fifth: Option<StepMaps>,
     pub(super) fine: StepMaps,
     pub(super) fine_steps: u32,
     /// Instead of the others, for an axis with play.
@@ -32,10 +33,14 @@ impl Part {
         has_effects: bool,
     ) -> Self {
         let fine_s = length_s / f64::from(fine_steps);
+        let share = |share: u32| {
+            let steps = fine_steps / share;
+            (has_effects && steps > 1).then(|| StepMaps::new(axis, fine_s * f64::from(steps)))
+        };
         Self {
             whole: StepMaps::new(axis, length_s),
-            half: (has_effects && fine_steps > 1)
-                .then(|| StepMaps::new(axis, fine_s * f64::from(fine_steps / 2))),
+            half: share(2),
+            fifth: share(5),
             fine: StepMaps::new(axis, fine_s),
             fine_steps,
             with_gap: (!gap.is_none()).then(|| Ladder::new(axis, fine_s)),
@@ -44,11 +49,14 @@ impl Part {
 
     /// The longest step at a pace, in fine ones; none where they are to be fine.
     #[inline(always)]
-    pub(super) fn stride(&self, pace: Pace) -> (&StepMaps, u32) {
-        match (pace, &self.half) {
-            (Pace::Slow, _) => (&self.whole, self.fine_steps),
-            (Pace::Even, Some(half)) => (half, self.fine_steps / 2),
-            (Pace::Even, None) | (Pace::Fast, _) => (&self.fine, 0),
+    pub(super) fn stride<'p>(&'p self, pace: Pace) -> (&'p StepMaps, u32) {
+        let share = |maps: &'p Option<StepMaps>, share| maps.as_ref().map(|maps| (maps, self.fine_steps / share));
+        let fine = (&self.fine, 0);
+        match pace {
+            Pace::Slow => (&self.whole, self.fine_steps),
+            Pace::Even => share(&self.half, 2).unwrap_or(fine),
+            Pace::Brisk => share(&self.fifth, 5).unwrap_or(fine),
+            Pace::Fast => fine,
         }
     }
 }

@@ -56,15 +56,22 @@ pub(in crate::plant) enum Pace {
     Slow,
     /// As a spring beside that of the screw does: a step may span half of it.
     Even,
+    /// As a stiff spring does: a step may span a fifth of it.
+    Brisk,
     /// With a frequency or a stiffness of its own: fine steps.
     Fast,
 }
 
 impl Pace {
-    /// Of what swings with this frequency. A step of 0.25 ms is off by `(2π f h)² / 12` in it: 0.8 % at the limit.
+    /// Of what swings with this frequency. A step of 0.25 ms or of 0.1 ms is off by `(2π f h)² / 12` in it: 0.8 % at the limits.
     pub(in crate::plant) fn of_swing(frequency_hz: f64) -> Self {
         const EVEN_UP_TO_HZ: f64 = 200.0;
-        if frequency_hz <= EVEN_UP_TO_HZ { Self::Even } else { Self::Fast }
+        const BRISK_UP_TO_HZ: f64 = 500.0;
+        match frequency_hz {
+            even if even <= EVEN_UP_TO_HZ => Self::Even,
+            brisk if brisk <= BRISK_UP_TO_HZ => Self::Brisk,
+            _ => Self::Fast,
+        }
     }
 
     /// Of a force that comes from an angle or the time at this frequency, whatever it does to the axis. A step of 0.5 ms is off by
