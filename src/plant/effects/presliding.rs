@@ -6,7 +6,7 @@
 //! ```
 //!
 //! The first is Dahl's model with the sliding force of Eq. (1) as its end, `x_b` the way over which it is reached; for a
-//! sliding force held over a step the equation is solved in closed form. Valid for single reversals; of ways back and forth within the
+//! sliding force that changes evenly along a step the equation is solved in closed form. Valid for single reversals; of ways back and forth within the
 //! band it knows the force but not the turning points before the last. The second is a bank of Maxwell slip elements (Lampaert, Swevers
 //! and Al-Bender 2003), of which the last slips after `x_b` and none before 0.15 um: it closes each loop where that began. The table then never sticks: what holds
 //! it is the force of the bristles.
@@ -88,40 +88,44 @@ impl Bristles {
         if self.slip_at_once() { forces_n.iter().sum() } else { forces_n[0] }
     }
 
-    /// Their forces after a way, N, where `sliding_n` is that of sliding.
-    pub(super) fn move_by(&self, forces_n: &mut [f64; BRISTLES], sliding_n: f64, way_m: f64) {
-        if sliding_n <= 0.0 {
+    /// Their forces after a way, N, along which that of sliding goes evenly from one to the other of `ends_n`.
+    pub(super) fn move_by(&self, forces_n: &mut [f64; BRISTLES], [from_n, to_n]: [f64; 2], way_m: f64) {
+        if from_n <= 0.0 || to_n <= 0.0 {
             *forces_n = [0.0; BRISTLES];
             return;
         }
         if !self.slip_at_once() {
-            let end_n = sliding_n.copysign(way_m);
-            let bend = fallen(self.stiffnesses_n_per_m[0] * way_m.abs(), sliding_n);
-            forces_n[0] = end_n - (end_n - forces_n[0]) * bend;
+            // `e' = F' - σ e / F` of `e = F - f`, with the mean of `F` in what it falls by.
+            let mean_n = 0.5 * (from_n + to_n);
+            let [left, in_mean] = fallen(self.stiffnesses_n_per_m[0] * way_m.abs(), mean_n);
+            let [from_n, to_n] = [from_n, to_n].map(|end_n| end_n.copysign(way_m));
+            forces_n[0] = to_n - (from_n - forces_n[0]) * left - (to_n - from_n) * in_mean;
             return;
         }
-        let most_n = sliding_n / self.count as f64;
+        let most_n = to_n / self.count as f64;
         for (force_n, stiffness_n_per_m) in forces_n.iter_mut().zip(&self.stiffnesses_n_per_m) {
             *force_n = (*force_n + stiffness_n_per_m * way_m).clamp(-most_n, most_n);
         }
     }
 }
 
-/// `exp(-by / of)`, of what is not negative: most steps of a table that stands or runs are far shorter or longer than its way.
+/// `exp(-x)` and its mean from 0 to `x`, of `x = by / of`, of what is not negative: most steps of a table that stands or runs are far
+/// shorter or longer than its way.
 #[inline(always)]
-fn fallen(by: f64, of: f64) -> f64 {
+fn fallen(by: f64, of: f64) -> [f64; 2] {
     // Up to the one a fraction of fourth degree is right to the last bits, beyond the other nothing is left of one.
     const SHORT: f64 = 0.1;
     const LONG: f64 = 40.0;
     if by < SHORT * of {
         let [by2, of2, both] = [by * by, of * of, by * of];
         let even = 1680.0 * of2 * of2 + by2 * (180.0 * of2 + by2);
-        let odd = both * (840.0 * of2 + 20.0 * by2);
-        (even - odd) / (even + odd)
-    } else if by > LONG * of {
-        0.0
+        let odd_by = 840.0 * of2 + 20.0 * by2;
+        let odd = both * odd_by;
+        let per = (even + odd).recip();
+        [(even - odd) * per, 2.0 * of2 * odd_by * per]
     } else {
-        libm::exp(-by / of)
+        let left = if by > LONG * of { 0.0 } else { libm::exp(-by / of) };
+        [left, (1.0 - left) * of / by]
     }
 }
 
@@ -141,7 +145,7 @@ mod tests {
         let Action::Bristles(make) = entry.action else { panic!("{} are no bristles", entry.name) };
         let (bristles, sliding_n) = (make(&values, &axis), axis.friction.sliding.as_n());
         let moved = |mut forces_n, way_um: &f64| {
-            bristles.move_by(&mut forces_n, sliding_n, 1e-6 * way_um);
+            bristles.move_by(&mut forces_n, [sliding_n; 2], 1e-6 * way_um);
             forces_n
         };
         ways_um.iter().fold(bristles.holding(-sliding_n), moved).iter().sum::<f64>() / sliding_n
@@ -150,8 +154,30 @@ mod tests {
     #[test]
     fn what_is_left_of_a_bend_is_exponential_over_short_ways_and_long_ones() {
         for x in [0.0, 1e-12, 1e-6, 1e-3, 0.06, 0.099, 0.101, 0.5, 39.9, 40.1, 700.0] {
-            let (found, asked) = (fallen(1_700.0 * x, 1_700.0), libm::exp(-x));
-            assert!((found - asked).abs() <= f64::EPSILON, "{found} and {asked} at {x}");
+            let [left, mean] = fallen(1_700.0 * x, 1_700.0);
+            let asked = [libm::exp(-x), if x > 0.0 { -libm::expm1(-x) / x } else { 1.0 }];
+            for (found, asked) in [left, mean].iter().zip(asked) {
+                assert!((found - asked).abs() <= 4.0 * f64::EPSILON, "{found} and {asked} at {x}");
+            }
+        }
+    }
+
+    #[test]
+    fn one_bristle_follows_a_friction_that_changes_along_a_step() {
+        let axis = paper_axis();
+        let Action::Bristles(make) = ENTRY.action else { panic!("no bristles") };
+        let bristles = make(&[10.0, 0.0, 0.0], &axis);
+        let at = |share: f64| 900.0 + 100.0 * share;
+        for way_um in [0.2, 5.0, 40.0, 2_000.0] {
+            let [mut whole, mut parts] = [bristles.holding(-300.0); 2];
+            bristles.move_by(&mut whole, [at(0.0), at(1.0)], 1e-6 * way_um);
+            let count = 10_000;
+            for part in 0..count {
+                let ends_n = [part, part + 1].map(|end| at(f64::from(end) / f64::from(count)));
+                bristles.move_by(&mut parts, ends_n, 1e-6 * way_um / f64::from(count));
+            }
+            let off_n = whole[0] - parts[0];
+            assert!(off_n.abs() < 1.0, "{off_n} N of {} N after {way_um} um", parts[0]);
         }
     }
 

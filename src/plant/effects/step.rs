@@ -176,11 +176,11 @@ impl Acting {
     fn advance(
         &self,
         all: &mut Remembered,
-        (law, known_n): (&Law, Option<f64>),
+        (law, known_n): (&Law, Option<[f64; 2]>),
         length_s: f64,
         from: &Instant,
         to: &Instant,
-    ) -> Option<f64> {
+    ) -> Option<[f64; 2]> {
         all.time_s = to.time_s;
         for forced in &self.forces {
             if let Some(number) = forced.memory {
@@ -188,25 +188,24 @@ impl Acting {
             }
         }
         let bristles = self.bristles.as_ref()?;
-        let as_at_its_end = || {
-            let side = (to.table_m - from.table_m).signum();
-            let speed_m_per_s = if bristles.slip_at_once() {
-                to.table_m_per_s.abs()
-            } else {
-                0.5 * (from.table_m_per_s + to.table_m_per_s).abs()
-            };
-            self.friction_n(law.magnitude_n(speed_m_per_s), &Instant { speed_m_per_s, side, ..*to })
+        let side = (to.table_m - from.table_m).signum();
+        let sliding_n = |at: &Instant| {
+            let speed_m_per_s = at.table_m_per_s.abs();
+            self.friction_n(law.magnitude_n(speed_m_per_s), &Instant { speed_m_per_s, side, ..*at })
         };
-        let sliding_n = known_n.unwrap_or_else(as_at_its_end);
-        bristles.move_by(&mut all.bristles_n, sliding_n, to.table_m - from.table_m);
+        let ends_n = known_n.unwrap_or_else(|| {
+            let to_n = sliding_n(to);
+            [if bristles.slip_at_once() { to_n } else { sliding_n(from) }, to_n]
+        });
+        bristles.move_by(&mut all.bristles_n, ends_n, to.table_m - from.table_m);
         // For one bristle it is the same to the order of the step at the end that was predicted; many follow at once where the law falls.
-        (!bristles.slip_at_once()).then_some(sliding_n)
+        (!bristles.slip_at_once()).then_some(ends_n)
     }
 
     /// Both ends of a step, and what friction of bristles over it is known to be.
     // Most effects remember nothing, and copies of it would be a tenth of their steps.
     #[inline(always)]
-    fn carried(&self, body: &Body, maps: &StepMaps, command_n: f64) -> (Instant, Motion, Option<f64>) {
+    fn carried(&self, body: &Body, maps: &StepMaps, command_n: f64) -> (Instant, Motion, Option<[f64; 2]>) {
         let is_held = self.is_held(body);
         let map = if is_held { &maps.stick } else { &maps.slip };
         let from = self.instant(body, maps.screw(), &body.motion, body.remembered.time_s);
@@ -240,7 +239,7 @@ impl Acting {
         &self,
         body: &Body,
         maps: &StepMaps,
-        known_n: Option<f64>,
+        known_n: Option<[f64; 2]>,
         from: &Instant,
         end: &Motion,
     ) -> Option<Remembered> {
