@@ -50,7 +50,8 @@ impl Part {
     /// The longest step at a pace, in fine ones; none where they are to be fine.
     #[inline(always)]
     pub(super) fn stride<'p>(&'p self, pace: Pace) -> (&'p StepMaps, u32) {
-        let share = |maps: &'p Option<StepMaps>, share| maps.as_ref().map(|maps| (maps, self.fine_steps / share));
+        let share =
+            |maps: &'p Option<StepMaps>, share| maps.as_ref().map(|maps| (maps, self.fine_steps / share));
         let fine = (&self.fine, 0);
         match pace {
             Pace::Slow => (&self.whole, self.fine_steps),

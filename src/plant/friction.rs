@@ -53,6 +53,17 @@ impl Parameters {
         viscous_n_s_per_m: 0.0,
     };
 
+    /// By how much the force falls with the speed where it falls most, N s/m.
+    pub fn steepest_fall_n_s_per_m(&self) -> f64 {
+        match self.variant {
+            Variant::Linear => f64::INFINITY,
+            Variant::Nonlinear => {
+                let over = self.fall_end - self.fall_start;
+                2.0 * (self.breakaway - self.sliding).as_n() / over.as_m_per_s()
+            }
+        }
+    }
+
     /// All forces multiplied; the speeds at which they change stay.
     pub fn scaled(self, factor: f64) -> Self {
         Self {

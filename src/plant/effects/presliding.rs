@@ -20,6 +20,8 @@ use super::parameter::Parameter;
 
 /// What gives way less is stiffer than the finest step of a tick follows: one bristle, and one of many that slip at once.
 const LEAST_UM: [f64; 2] = [0.1, 0.15];
+/// A bank bends where one of it slips, within a step as well: its steps are as short as those of what swings so many times as fast.
+const BENDS: f64 = 2.5;
 const fn way(least_um: f64) -> Parameter {
     Parameter::new("way-um", "um", [least_um, 200.0], 10.0, 10.0)
 }
@@ -54,12 +56,13 @@ pub(super) const WITH_MEMORY: Entry = Entry {
             let share = (place + 1) as f64 / count;
             share_n / (1e-6 * (way_um * libm::pow(share, exponent)).max(LEAST_UM[1]))
         };
+        let stiffnesses_n_per_m: [f64; BRISTLES] = std::array::from_fn(stiffness_n_per_m);
+        let per_kg = axis.mechanics.mass_kg.recip();
+        let swing_per_s = (stiffnesses_n_per_m.iter().sum::<f64>() * per_kg).sqrt();
         // What slips at once falls as fast as the law does.
-        Bristles {
-            stiffnesses_n_per_m: std::array::from_fn(stiffness_n_per_m),
-            count: BRISTLES,
-            pace: Pace::Fast,
-        }
+        let fall_per_s = axis.friction.steepest_fall_n_s_per_m() * per_kg;
+        let pace = Pace::of_swing(BENDS * swing_per_s.max(fall_per_s) / TAU);
+        Bristles { stiffnesses_n_per_m, count: BRISTLES, pace }
     }),
     ..ENTRY
 };
@@ -210,6 +213,21 @@ mod tests {
                 assert_eq!(acting.pace(&plant.body), Pace::Slow, "{}: {:?}", of_bristles.name, plant.body);
             }
         }
+    }
+
+    #[test]
+    fn a_bank_is_stepped_as_fast_as_it_swings_and_falls() {
+        let Action::Bristles(make) = WITH_MEMORY.action else { panic!("no bristles") };
+        let pace = |sliding_n: f64, way_um: f64| {
+            let mut axis = paper_axis();
+            axis.friction.sliding = crate::base::units::Force::n(sliding_n);
+            make(&[way_um, 1.5, 0.0], &axis).pace
+        };
+        let breakaway_n = paper_axis().friction.breakaway.as_n();
+        assert_eq!(pace(breakaway_n, 200.0), Pace::Even);
+        assert_eq!(pace(breakaway_n, 20.0), Pace::Brisk);
+        assert_eq!(pace(breakaway_n, 2.0), Pace::Fast);
+        assert_eq!(pace(951.3, 200.0), Pace::Fast, "it falls by 177 N within 0.4 mm/s");
     }
 
     #[test]

@@ -188,15 +188,22 @@ impl Acting {
             }
         }
         let bristles = self.bristles.as_ref()?;
-        let side = (to.table_m - from.table_m).signum();
-        let sliding_n = |at: &Instant| {
-            let speed_m_per_s = at.table_m_per_s.abs();
-            self.friction_n(law.magnitude_n(speed_m_per_s), &Instant { speed_m_per_s, side, ..*at })
+        let as_it_goes = || {
+            let side = (to.table_m - from.table_m).signum();
+            let sliding_n = |at: &Instant, speed_m_per_s: f64| {
+                self.friction_n(law.magnitude_n(speed_m_per_s), &Instant { speed_m_per_s, side, ..*at })
+            };
+            let [from_m_per_s, to_m_per_s] = [from, to].map(|at| at.table_m_per_s.abs());
+            if bristles.slip_at_once() {
+                return [sliding_n(to, to_m_per_s); 2];
+            }
+            // Where it falls, the speed at the end is not foretold as well as its mean.
+            if !law.has_fallen_at(from_m_per_s.min(to_m_per_s)) {
+                return [sliding_n(to, 0.5 * (from.table_m_per_s + to.table_m_per_s).abs()); 2];
+            }
+            [sliding_n(from, from_m_per_s), sliding_n(to, to_m_per_s)]
         };
-        let ends_n = known_n.unwrap_or_else(|| {
-            let to_n = sliding_n(to);
-            [if bristles.slip_at_once() { to_n } else { sliding_n(from) }, to_n]
-        });
+        let ends_n = known_n.unwrap_or_else(as_it_goes);
         bristles.move_by(&mut all.bristles_n, ends_n, to.table_m - from.table_m);
         // For one bristle it is the same to the order of the step at the end that was predicted; many follow at once where the law falls.
         (!bristles.slip_at_once()).then_some(ends_n)
