@@ -15,7 +15,9 @@ use super::grid::{Grid, REPAIRED_SHARE_MAX};
 use super::runs::{AxisRun, Intake, Run, RunError, span};
 use crate::base::axis::AxisId;
 use crate::config::Machine;
+use crate::config::machine::Axis;
 use crate::offline::identify::foreign::{Effort, ForeignAxis, Raw};
+use crate::rt::control::position::Gains;
 
 /// Shortest run that is looked at, s.
 pub(super) const SHORTEST_S: f64 = 1.0;
@@ -169,22 +171,30 @@ fn in_units(intake: Intake, machine: &Machine) -> Result<Intake, RunError> {
                 continue;
             }
             let name = machine.axis_names()[id.index()].clone();
-            let scale = &machine.axes[*id].scale;
+            let Axis { scale, control, .. } = &machine.axes[*id];
+            let followed_m = followed(&axis.setpoint_m, run.period_s, &control.gain_sets[0].position);
             let motor_m = scale.motor_resolution().as_m();
             let columns =
                 [("position", Some(&mut axis.position_m)), ("table position", axis.table_m.as_mut())];
             for (channel, column) in columns {
                 let Some(column) = column else { continue };
-                let slope = slope(column, &axis.setpoint_m);
+                // Of a short way there and back a position loop leaves a quarter where it should have been, and all of it later.
+                let slopes = [&axis.setpoint_m, &followed_m].map(|setpoint_m| slope(column, setpoint_m));
+                let is_one = |sign: f64| {
+                    slopes.iter().any(|slope| (1.0 / LAG_FACTOR..=LAG_FACTOR).contains(&(sign * slope)))
+                };
                 // In the trace format a count is read as a millimetre.
                 let units =
                     [(1e3, "micrometres"), (1e-3, "metres"), (1e-3 / motor_m, "counts of the encoder")];
-                if (1.0 / LAG_FACTOR..=LAG_FACTOR).contains(&slope) {
+                if is_one(1.0) {
                     continue;
                 }
-                let unit = units.iter().find(|(factor, _)| (slope / factor - 1.0).abs() <= UNIT_TOLERANCE);
-                let Some((factor, unit)) = unit else {
-                    let hint = if (1.0 / LAG_FACTOR..=LAG_FACTOR).contains(&-slope) {
+                let is_in = |(factor, _): &&(f64, &str)| {
+                    slopes.iter().any(|slope| (slope / factor - 1.0).abs() <= UNIT_TOLERANCE)
+                };
+                let Some((factor, unit)) = units.iter().find(is_in) else {
+                    let slope = slopes[0];
+                    let hint = if is_one(-1.0) {
                         "its sense is turned: give a column map with scale = -1"
                     } else {
                         "check its unit, or give a column map with unit and scale"
@@ -204,6 +214,17 @@ fn in_units(intake: Intake, machine: &Machine) -> Result<Intake, RunError> {
         }
     }
     Ok(Intake { runs, repaired })
+}
+
+/// A setpoint as a position loop follows it.
+fn followed(setpoint_m: &[f64], period_s: f64, gains: &Gains) -> Vec<f64> {
+    let share = 1.0 - libm::exp(-gains.gain_per_s * period_s);
+    let mut behind_m = setpoint_m.first().copied().unwrap_or(0.0);
+    let of = |setpoint_m: &f64| {
+        behind_m += share * (setpoint_m - behind_m);
+        behind_m + gains.velocity_feed_forward * (setpoint_m - behind_m)
+    };
+    setpoint_m.iter().map(of).collect()
 }
 
 /// Slope of a column over the setpoint by least squares.
@@ -288,6 +309,30 @@ mod tests {
 
     fn x(raw: &mut Raw) -> &mut ForeignAxis {
         raw.axes.get_mut("x").expect("it has one")
+    }
+
+    #[test]
+    fn a_short_way_there_and_back_that_a_loop_leaves_to_a_quarter_is_no_other_unit() {
+        let machine = config::load("paper").expect("a machine");
+        let gains = machine.axes[AxisId::X].control.gain_sets[0].position;
+        let setpoint_m: Vec<f64> =
+            (0..ROWS).map(|row| 0.01 * (2.0 * gains.gain_per_s * row as f64 * 5e-4).sin()).collect();
+        let position_m = followed(&setpoint_m, 5e-4, &gains);
+        assert!(slope(&position_m, &setpoint_m) < 0.25);
+        let taken_by = |factor: f64| {
+            taken(|raw| {
+                for axis in raw.axes.values_mut() {
+                    axis.setpoint_m = Some(setpoint_m.clone());
+                    axis.position_m = position_m.iter().map(|position_m| factor * position_m).collect();
+                    axis.table_m = None;
+                    let ways_m = setpoint_m.windows(2).map(|pair| pair[1] - pair[0]);
+                    axis.effort = Effort::Current(ways_m.chain([0.0]).map(|way_m| 1e5 * way_m).collect());
+                }
+            })
+        };
+        assert!(taken_by(1.0).expect("sound").repaired.is_empty());
+        assert!(taken_by(1e3).expect("another unit").repaired[0].contains("in micrometres"));
+        assert!(taken_by(-1.0).expect_err("turned").to_string().contains("its sense is turned"));
     }
 
     #[test]
