@@ -46,7 +46,7 @@ impl TravelCounts {
     /// The whole number at or below: without the call that a floor is on most processors.
     fn at_or_below(value: f64) -> Self {
         let toward_zero = value as i64;
-        Self(toward_zero - i64::from(toward_zero as f64 > value))
+        Self(toward_zero.saturating_sub(i64::from(toward_zero as f64 > value)))
     }
     /// As a number of counts.
     pub const fn as_counts(self) -> i64 {
@@ -242,7 +242,8 @@ mod tests {
             let inside = (counts as f64 + 0.5) * 1e-5;
             assert_eq!(scale.table_counts(Position::mm(inside)), TravelCounts::counts(counts));
         }
-        for (value, below) in [(-2.0, -2), (-0.1, -1), (0.0, 0), (2.9, 2), (f64::NAN, 0), (1e300, i64::MAX)] {
+        let ends = [(f64::NAN, 0), (1e300, i64::MAX), (-1e300, i64::MIN)];
+        for (value, below) in [(-2.0, -2), (-0.1, -1), (0.0, 0), (2.9, 2)].into_iter().chain(ends) {
             assert_eq!(TravelCounts::at_or_below(value), TravelCounts::counts(below), "{value}");
         }
         let back = scale.motor_position(scale.motor_counts(Position::um(123.0)));
