@@ -18,7 +18,7 @@ use super::smallest::Smallest;
 use super::spectrum::Peaks;
 
 /// Candidates that are fitted together with the base to the first pass of each command. Those that explain this share of
-/// what the best of them explains, and the surest, stay after a few iterations from the best of three starts; in the end those of
+/// what the best of them explains, and the surest, stay after a few iterations from the better of two starts; in the end those of
 /// the second share are fitted to all rows, and the others where none of these passes.
 const FITTED: usize = 6;
 const SHARES: [f64; 2] = [0.1, 0.6];
@@ -75,7 +75,7 @@ impl Look<'_, '_> {
     }
 }
 
-/// The most promising of a list, fitted to few rows beside the model that was fitted before, from the best of three
+/// The most promising of a list, fitted to few rows beside the model that was fitted before, from the better of two
 /// starts: those that explain most of it, and those that explain less.
 fn screened(once: &Problem<'_>, here: &Linear, listed: &[Scored]) -> [Vec<Model>; 2] {
     let without = here.cost() + believed(&here.model);
@@ -86,9 +86,9 @@ fn screened(once: &Problem<'_>, here: &Linear, listed: &[Scored]) -> [Vec<Model>
     };
     let best = |all: &mut dyn Iterator<Item = &Fitted>| all.map(explained).fold(0.0, f64::max);
     let begun = |scored: &Scored| {
-        let totals = scored.starts.each_ref().map(|start| total_of(once, start));
-        let least = (0..totals.len()).min_by(|a, b| totals[*a].total_cmp(&totals[*b])).unwrap_or(0);
-        fit::ending(once, &scored.starts[least], Effort::Coarse(FEW), Some(here))
+        let [first, second] = &scored.starts;
+        let start = if total_of(once, second) < total_of(once, first) { second } else { first };
+        fit::ending(once, start, Effort::Coarse(FEW), Some(here))
     };
     let ended = |(begun, has_ended): (Fitted, bool)| {
         let effort = Effort::Coarse(ITERATIONS[1] - FEW);
@@ -121,30 +121,4 @@ fn screened(once: &Problem<'_>, here: &Linear, listed: &[Scored]) -> [Vec<Model>
     let (most, less): (Vec<Fitted>, Vec<Fitted>) =
         ended.into_iter().partition(|one| explained(one) >= least && one.total < hopeless);
     [most, less].map(|all| all.into_iter().map(|fitted| fitted.model).collect())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::super::model::Tried;
-    use super::super::sensors::tests::{showing, swinging};
-    use super::super::usual;
-    use super::*;
-    use crate::base::axis::AxisId;
-    use crate::config;
-    use crate::plant::effects::entry;
-
-    #[test]
-    fn an_effect_that_is_far_from_straight_is_begun_a_part_of_its_way() {
-        let machine = config::load("paper").expect("a machine");
-        let file = usual::with(&Model::new(machine.axes[AxisId::X].plant));
-        let entry = entry("torque-saturation").expect("an effect");
-        let truth = file.with(Tried { entry, values: [6.0, 0.0, 0.0] });
-        let problem = showing(&swinging(&machine, 5e-3), &truth);
-        let here = Linear::widest(&problem, &file);
-        let listed = shortlist(&problem, &here, &|_| Vec::new(), 1.0);
-        let [best, _] = screened(&problem, &here, &listed.scored);
-        let found = best[0].effects.last().expect("an effect");
-        assert_eq!(found.entry.name, entry.name);
-        assert!((found.values[0] - 6.0).abs() < 0.01, "{} %/A", found.values[0]);
-    }
 }

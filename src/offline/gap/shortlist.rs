@@ -36,9 +36,6 @@ const LEAST: f64 = 24.0;
 /// Rows that say of each other whether a trial changed them by chance, s to either side.
 const NEAR_S: f64 = 0.02;
 
-/// Part of the way to where the linear estimate leads.
-const PART: f64 = 0.25;
-
 /// So many of the surest are tried, whatever others gain.
 const SUREST: usize = 3;
 
@@ -53,9 +50,8 @@ pub struct Shortlist {
 /// An effect that may be there.
 #[derive(Clone, Debug)]
 pub struct Scored {
-    /// With the values that the linear estimate gives it, beside a model as it was, and beside one that makes room; and a part of both
-    /// ways, for an effect that is far from straight over all of it.
-    pub starts: [Model; 3],
+    /// With the values that the linear estimate gives it, beside a model as it was, and beside one that makes room.
+    pub starts: [Model; 2],
     /// By how much the cost falls, if all were linear.
     pub gain: f64,
     /// In how many of its blocks' standard deviations, squared: what stick and slip imitate in a few blocks may gain more, and is less sure.
@@ -302,15 +298,10 @@ impl Sums {
         let moved = curvature.solve(&(-slope - self.crossed.transpose() * (part * &shares)));
         let share = share_that_holds(&moved);
         let moved = moved.iter().zip(moves).map(|(by, moves)| if *moves { share * by } else { 0.0 });
-        let moved: Vec<f64> = moved.collect();
-        let gone = |part: f64| {
-            let way = model.coordinates().into_iter().zip(&moved);
-            let mut values = tried;
-            entry.amplitudes().for_each(|place| values[place] *= part);
-            model.at(&way.map(|(at, by)| at + part * by).collect::<Vec<f64>>()).with(Tried { entry, values })
-        };
+        let at: Vec<f64> = model.coordinates().iter().zip(moved).map(|(at, by)| at + by).collect();
+        let tried = Tried { entry, values: tried };
         Some(Scored {
-            starts: [model.with(Tried { entry, values: tried }), gone(1.0), gone(PART)],
+            starts: [model.with(tried), model.at(&at).with(tried)],
             gain,
             sureness,
             is_sure: false,
@@ -397,7 +388,7 @@ mod tests {
             let entry = entry("backlash").expect("an effect");
             let tried = Tried { entry, values: entry.nominal() };
             let known = (curvature, DVector::from_element(count, 0.3), moves);
-            let [_, other, _] = sums.scored(beyond, &known, &[], &model, tried).expect("a gain").starts;
+            let [_, other] = sums.scored(beyond, &known, &[], &model, tried).expect("a gain").starts;
             [force, mass].map(|at| other.coordinates()[at] - model.coordinates()[at])
         };
         let [free, held] = [None, Some(force)].map(of);
