@@ -11,13 +11,16 @@
 
 use std::collections::BTreeMap;
 
+use super::forward::setpoints;
 use super::grid::{Grid, REPAIRED_SHARE_MAX};
 use super::runs::{AxisRun, Intake, Run, RunError, span};
 use crate::base::axis::AxisId;
+use crate::base::setpoint::Setpoint;
+use crate::base::units::Position;
 use crate::config::Machine;
 use crate::config::machine::Axis;
 use crate::offline::identify::foreign::{Effort, ForeignAxis, Raw};
-use crate::rt::control::position::Gains;
+use crate::rt::control::position::{Gains, PositionLoop};
 
 /// Shortest run that is looked at, s.
 pub(super) const SHORTEST_S: f64 = 1.0;
@@ -216,15 +219,16 @@ fn in_units(intake: Intake, machine: &Machine) -> Result<Intake, RunError> {
     Ok(Intake { runs, repaired })
 }
 
-/// A setpoint as a position loop follows it.
+/// A setpoint as a position loop follows it before a perfect velocity loop.
 fn followed(setpoint_m: &[f64], period_s: f64, gains: &Gains) -> Vec<f64> {
-    let share = 1.0 - libm::exp(-gains.gain_per_s * period_s);
-    let mut behind_m = setpoint_m.first().copied().unwrap_or(0.0);
-    let of = |setpoint_m: &f64| {
-        behind_m += share * (setpoint_m - behind_m);
-        behind_m + gains.velocity_feed_forward * (setpoint_m - behind_m)
+    let mut response = PositionLoop::default();
+    response.reset(Position::m(setpoint_m[0]));
+    let of = |setpoint: Setpoint| {
+        response.update(gains, &setpoint, response.expected_position(), period_s);
+        response.coast(period_s);
+        response.expected_position().as_m()
     };
-    setpoint_m.iter().map(of).collect()
+    setpoints(setpoint_m, period_s).into_iter().map(of).collect()
 }
 
 /// Slope of a column over the setpoint by least squares.

@@ -138,7 +138,7 @@ mod tests {
     use super::super::step::Stepping;
     use super::*;
     use crate::base::time::Span;
-    use crate::base::units::{Position, Velocity};
+    use crate::base::units::{Force, Position, Velocity};
     use crate::plant::Plant;
     use crate::plant::tests::paper_axis;
 
@@ -220,7 +220,7 @@ mod tests {
         let Action::Bristles(make) = WITH_MEMORY.action else { panic!("no bristles") };
         let pace = |sliding_n: f64, way_um: f64| {
             let mut axis = paper_axis();
-            axis.friction.sliding = crate::base::units::Force::n(sliding_n);
+            axis.friction.sliding = Force::n(sliding_n);
             make(&[way_um, 1.5, 0.0], &axis).pace
         };
         let breakaway_n = paper_axis().friction.breakaway.as_n();
