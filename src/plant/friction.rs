@@ -56,6 +56,7 @@ impl Parameters {
     /// By how much the force falls with the speed where it falls most, N s/m.
     pub fn steepest_fall_n_s_per_m(&self) -> f64 {
         match self.variant {
+            _ if self.breakaway == self.sliding => 0.0,
             Variant::Linear => f64::INFINITY,
             Variant::Nonlinear => {
                 let over = self.fall_end - self.fall_start;
@@ -73,6 +74,17 @@ impl Parameters {
             ..self
         }
     }
+}
+
+/// A piece of the law, within which it has no bend.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Piece {
+    /// At `F_max`.
+    Held,
+    /// From `F_max` to `F_low`.
+    Falling,
+    /// At `F_low`, and what it rises from there.
+    Fallen,
 }
 
 /// The law with its divisions done.
@@ -136,6 +148,18 @@ impl Law {
     #[inline]
     pub(super) fn has_fallen_at(&self, speed_m_per_s: f64) -> bool {
         speed_m_per_s > self.fall_end_m_per_s
+    }
+
+    /// In which piece of the law a speed is.
+    #[inline]
+    pub(super) fn piece(&self, speed_m_per_s: f64) -> Piece {
+        if self.has_fallen_at(speed_m_per_s) {
+            Piece::Fallen
+        } else if speed_m_per_s >= self.fall_start_m_per_s {
+            Piece::Falling
+        } else {
+            Piece::Held
+        }
     }
 
     /// Whether the force is the same at every speed from this one up, so that one evaluation serves a step.

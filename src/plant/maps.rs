@@ -163,6 +163,11 @@ impl Map {
         [next[0], next[1], next[2], next[3], z[X_MOTOR] + next[4]]
     }
 
+    /// Speed that a force on the table gains in the step, m/s.
+    pub(super) fn gained(&self, table_n: f64) -> f64 {
+        -self.friction[V_TABLE] * table_n
+    }
+
     /// What a change of the held friction force changes in the state after the step.
     #[inline]
     pub(super) fn correct(&self, z: &mut Motion, friction_change_n: f64) {

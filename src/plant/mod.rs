@@ -8,10 +8,11 @@
 //! | `offline` | loop margins, identification, tuning, gap |
 //!
 //! [`Plant::step`] advances one servo tick by exact maps (`maps.rs`): one step of the tick while the
-//! table runs above `D_v` or is held fast, ten while it creeps, reverses or may break away. The friction force is predicted at the start of a step
-//! and corrected by its mean over the step; the table sticks when its velocity changes sign within
-//! `F_max` and tears loose when `|K d + C v_m|` exceeds it. Against a step 25 times smaller this holds
-//! the protrusion of a circle within a few nanometres (`cargo bench --bench plant`). What real axes have beyond
+//! table runs above `D_v`, is held fast or creeps where its friction does not fall, ten where it stops or tears loose, and where
+//! friction falls two, five or ten as fast as it does. The friction force is predicted at the start of a step
+//! and corrected by its mean over the step; the table sticks where its velocity changes sign within
+//! `F_max` and tears loose where `|K d + C v_m|` exceeds it, both within a step. Against a step 25 times smaller this holds
+//! the protrusion of a circle within a nanometre or two (`cargo bench --bench plant`). What real axes have beyond
 //! that is in [`effects`].
 //! Invariant: pure functions of parameters, state, input and time step; no clock, no randomness.
 
@@ -34,10 +35,10 @@ use crate::base::time::Span;
 use crate::base::units::{Current, Force, Position, Velocity};
 use body::{Body, Part};
 use drive_filter::{DriveFilter, PIECES_MAX};
-use effects::Neighbour;
 use effects::acting::{Acting, Remembered};
 use effects::backlash::Gap;
 use effects::step::Bare;
+use effects::{Neighbour, Pace};
 use friction::Law;
 use maps::Motion;
 
@@ -47,7 +48,7 @@ const LEANS: [f64; 2] = [0.01, 0.02];
 /// Share of break-away that a table at rest is taken to stand: at its end any rounding of a current would let it slip. A table that creeps
 /// to rest stands within two thousandths of it, and what is cut off there is missing where it moves on.
 const STANDS: f64 = 0.999;
-/// Steps of a tick while the table creeps, reverses or may break away.
+/// Steps of a tick in which the table stops or may break away.
 pub const FINE_STEPS: u32 = 10;
 /// Rounds in which the place is found that an encoder shows: what it shows too much changes by less than a tenth of a way along it.
 const SHOWN_ROUNDS: usize = 8;
@@ -210,12 +211,15 @@ impl Plant {
         assert!(dead_ticks < DEAD_TICKS_MAX, "dead time of more than {DEAD_TICKS_MAX} ticks");
         let late_by_s = (axis.actuator.dead_time - tick * dead_ticks as i64).as_s();
         let acting = Acting::new(axis);
-        let has_effects = acting.is_some();
         let axis = &acting.as_ref().map_or(*axis, |acting| acting.prepared(axis));
         let filter = DriveFilter::new(&axis.actuator, late_by_s, tick);
+        let further_n_s_per_m = acting.as_ref().map_or(0.0, Acting::steepest_fall_n_s_per_m);
+        let of_fall = |n_s_per_m: f64| Pace::of_growth(n_s_per_m / axis.mechanics.mass_kg);
+        let falling = of_fall(axis.friction.steepest_fall_n_s_per_m() + further_n_s_per_m);
+        let has_shares = acting.is_some() || matches!(falling, Pace::Even | Pace::Brisk);
         let part = |length_s: f64| {
             let pieces = filter.pieces() as u32;
-            Part::new(axis, gap, length_s / f64::from(pieces), fine_steps.div_ceil(pieces), has_effects)
+            Part::new(axis, gap, length_s / f64::from(pieces), fine_steps.div_ceil(pieces), has_shares)
         };
         Self {
             tick,
@@ -231,6 +235,7 @@ impl Plant {
                 law: Law::new(axis.friction),
                 stiffness_n_per_m: axis.mechanics.stiffness_n_per_m,
                 damping_n_s_per_m: axis.mechanics.damping_n_s_per_m,
+                paces: [of_fall(further_n_s_per_m), falling, Pace::Slow],
                 push_back: maps::push_back(&axis.mechanics),
                 motion,
                 slide,

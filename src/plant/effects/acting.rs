@@ -112,6 +112,11 @@ impl Acting {
         self.forces.iter().map(|forced| forced.force.pace(motor_m_per_s)).max().unwrap_or(Pace::Slow)
     }
 
+    /// By how much friction falls with the speed beyond what the law does, where it falls most, N s/m.
+    pub(in crate::plant) fn steepest_fall_n_s_per_m(&self) -> f64 {
+        self.friction.iter().map(|friction| friction.steepest_fall_n_s_per_m()).sum()
+    }
+
     /// The parameters that the base model is to be computed with.
     pub(in crate::plant) fn prepared(&self, axis: &Parameters) -> Parameters {
         let mut prepared = *axis;

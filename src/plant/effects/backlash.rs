@@ -175,23 +175,33 @@ impl Body {
     /// One step of `ladder` at `level`, halved where screw and table touch or part in it.
     fn step_with_gap<S: Stepping>(&mut self, ladder: &Ladder, level: usize, command_n: f64, stepping: &S) {
         let before = (self.motion, self.slide, self.remembered);
-        let (flank, _) = self.gap.contact(&self.motion, self);
+        let touched = self.gap.contact(&self.motion, self);
+        let (flank, _) = touched;
         let rest_m = self.gap.rest_m(flank);
         self.motion[0] -= rest_m;
         let stands = stepping.moved(self, ladder.maps(level, flank), command_n);
         self.motion[0] += rest_m;
-        let (flank_after, screw_n) = self.gap.contact(&self.motion, self);
+        let pull_n = |body: &Self, (flank, screw_n), motion: &Motion| match flank {
+            Flank::None => 0.0,
+            Flank::Lower | Flank::Upper => body.pull_beside_n(screw_n, motion),
+        };
+        let was = stands.then(|| {
+            self.stopped(
+                (before.1, &before.0),
+                pull_n(self, touched, &before.0),
+                ladder.maps(level, flank).length_s,
+            )
+        });
+        let touches = self.gap.contact(&self.motion, self);
+        let (flank_after, _) = touches;
         if flank_after != flank && level + 1 < LEVELS {
             (self.motion, self.slide, self.remembered) = before;
             self.step_with_gap(ladder, level + 1, command_n, stepping);
             self.step_with_gap(ladder, level + 1, command_n, stepping);
-        } else if stands {
+        } else if let Some(was) = was {
             let deflection_m = self.motion[0] - self.gap.rest_m(flank_after);
-            let pull_n = match flank_after {
-                Flank::None => 0.0,
-                Flank::Lower | Flank::Upper => self.pull_beside_n(screw_n, &self.motion),
-            };
-            stepping.break_away(self, ladder.maps(level, flank_after), deflection_m, pull_n);
+            let pulls = (deflection_m, pull_n(self, touches, &self.motion));
+            self.break_away(stepping, ladder.maps(level, flank_after), pulls, was);
         }
     }
 

@@ -43,6 +43,10 @@ pub(in crate::plant) trait Friction: Debug + Send + Sync {
     fn factor(&self, _at: &Instant) -> f64 {
         1.0
     }
+    /// By how much it falls with the speed where it falls most, N s/m.
+    fn steepest_fall_n_s_per_m(&self) -> f64 {
+        0.0
+    }
     /// Both, in one call.
     fn both(&self, at: &Instant) -> [f64; 2] {
         [self.added_n(at), self.factor(at)]
@@ -70,6 +74,19 @@ impl Pace {
         match frequency_hz {
             even if even <= EVEN_UP_TO_HZ => Self::Even,
             brisk if brisk <= BRISK_UP_TO_HZ => Self::Brisk,
+            _ => Self::Fast,
+        }
+    }
+
+    /// Of what grows by itself at a rate, as a table does where its friction falls with its speed: what a step is off by grows with it.
+    pub(in crate::plant) fn of_growth(per_s: f64) -> Self {
+        const SLOW_UP_TO_PER_S: f64 = 100.0;
+        const EVEN_UP_TO_PER_S: f64 = 250.0;
+        const BRISK_UP_TO_PER_S: f64 = 800.0;
+        match per_s {
+            slow if slow <= SLOW_UP_TO_PER_S => Self::Slow,
+            even if even <= EVEN_UP_TO_PER_S => Self::Even,
+            brisk if brisk <= BRISK_UP_TO_PER_S => Self::Brisk,
             _ => Self::Fast,
         }
     }

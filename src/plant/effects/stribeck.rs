@@ -40,6 +40,7 @@ const PIECES: usize = 128;
 #[derive(Debug)]
 struct Fall {
     extra_n: f64,
+    steepest_n_s_per_m: f64,
     pieces_per_root: f64,
     shape: Box<[[f64; 4]; PIECES]>,
 }
@@ -61,11 +62,19 @@ impl Fall {
             [from, starts, 3.0 * by - 2.0 * starts - ends, starts + ends - 2.0 * by]
         };
         let pieces_per_root = (velocity_m_per_s.sqrt() * width).recip();
-        Self { extra_n, pieces_per_root, shape: Box::new(std::array::from_fn(cubic)) }
+        // Of `exp(-u^n)`: at `u = (1 - 1 / n)^(1 / n)`.
+        let bent = 1.0 - exponent.recip();
+        let steepest = exponent * libm::pow(bent, bent) * libm::exp(-bent);
+        let steepest_n_s_per_m = steepest * extra_n / velocity_m_per_s;
+        Self { extra_n, steepest_n_s_per_m, pieces_per_root, shape: Box::new(std::array::from_fn(cubic)) }
     }
 }
 
 impl Friction for Fall {
+    fn steepest_fall_n_s_per_m(&self) -> f64 {
+        self.steepest_n_s_per_m
+    }
+
     fn added_n(&self, at: &Instant) -> f64 {
         let along = at.speed_m_per_s.sqrt() * self.pieces_per_root;
         let Some([a, b, c, d]) = self.shape.get(along as usize) else { return 0.0 };
