@@ -4,11 +4,10 @@
 //! Keeps its frequency at every feed, which what comes from an angle does not.
 //! Invariant: a function of time alone, in phase with the start.
 
-use std::f64::consts::TAU;
-
-use super::catalogue::{Coordinate, Entry, Experiment, Values};
+use super::catalogue::{Coordinate, Entry, Experiment};
 use super::hooks::{Action, Force, Instant, Memory, Pace};
 use super::parameter::Parameter;
+use super::swing::Swing;
 
 const FREQUENCY: Parameter = Parameter::new("frequency-hz", "Hz", [0.1, 500.0], 25.0, 15.0).in_time();
 
@@ -22,7 +21,11 @@ pub(super) const ENTRY: Entry = Entry {
     aliases: &[],
     law_of: None,
     action: Action::Force(|values, axis| {
-        Box::new(Torque(Swing::new(values[0] * axis.mechanics.force_per_torque(), values)))
+        Box::new(Torque(Swing::new(
+            values[0] * axis.mechanics.force_per_torque(),
+            values[1].recip(),
+            values[2],
+        )))
     }),
 };
 
@@ -31,11 +34,11 @@ struct Torque(Swing);
 
 impl Force for Torque {
     fn pace(&self, _motor_m_per_s: f64) -> Pace {
-        self.0.pace()
+        self.0.pace(1.0)
     }
 
     fn on_motor_n(&self, at: &Instant, _memory: &Memory) -> f64 {
-        self.0.at_n(at)
+        self.0.at(at.time_s)
     }
 }
 
@@ -45,7 +48,7 @@ pub(super) const PUSH: Entry = Entry {
     equation: "F = ... + A sin(2π f t + φ)",
     parameters: &[Parameter::new("force-n", "N", [0.0, 10_000.0], 20.0, 20.0), FREQUENCY, Parameter::PHASE],
     law_of: Some("torque-disturbance"),
-    action: Action::Force(|values, _| Box::new(Push(Swing::new(values[0], values)))),
+    action: Action::Force(|values, _| Box::new(Push(Swing::new(values[0], values[1].recip(), values[2])))),
     ..ENTRY
 };
 
@@ -54,32 +57,10 @@ struct Push(Swing);
 
 impl Force for Push {
     fn pace(&self, _motor_m_per_s: f64) -> Pace {
-        self.0.pace()
+        self.0.pace(1.0)
     }
 
     fn on_table_n(&self, at: &Instant, _memory: &Memory) -> f64 {
-        self.0.at_n(at)
-    }
-}
-
-/// A force that swings with time.
-#[derive(Debug)]
-struct Swing {
-    amplitude_n: f64,
-    rad_per_s: f64,
-    phase_rad: f64,
-}
-
-impl Swing {
-    fn new(amplitude_n: f64, values: &Values) -> Self {
-        Self { amplitude_n, rad_per_s: TAU * values[1], phase_rad: values[2].to_radians() }
-    }
-
-    fn pace(&self) -> Pace {
-        Pace::of_force(self.rad_per_s / TAU)
-    }
-
-    fn at_n(&self, at: &Instant) -> f64 {
-        self.amplitude_n * libm::sin(at.time_s * self.rad_per_s + self.phase_rad)
+        self.0.at(at.time_s)
     }
 }
