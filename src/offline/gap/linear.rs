@@ -133,6 +133,7 @@ impl Linear {
         let shared = known.map_or(0, |known| known.model.coordinate_count());
         let of = |(run, (place, residual)): (usize, (usize, Residual))| {
             let column = |coordinate: usize| match known {
+                _ if !model.is_free(coordinate) => None,
                 Some(known) if coordinate < shared => known.runs[run].columns[coordinate].clone(),
                 _ => column(
                     problem,
@@ -205,7 +206,7 @@ fn column(
     coordinate: usize,
     step: f64,
 ) -> Option<Residual> {
-    if !model.is_free(coordinate) || !problem.tells(model, coordinate) {
+    if !problem.tells(model, coordinate) {
         return None;
     }
     // What is of a sensor alone moves nothing that would have to be simulated.

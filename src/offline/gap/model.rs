@@ -262,7 +262,10 @@ impl Model {
 
     /// Whether a coordinate moves anything: a share of what the file says is nothing does not.
     pub fn is_free(&self, coordinate: usize) -> bool {
-        BASE.get(coordinate).is_none_or(|base| base.is_free(&self.nominal))
+        let Some(base) = BASE.get(coordinate) else { return true };
+        // Which of both has made it no row tells, and what roughness of the rows tells of it is nothing.
+        let is_of_effect = |tried: &Tried| MADE_OF == (base.name, tried.entry.name);
+        base.is_free(&self.nominal) && !self.effects.iter().any(is_of_effect)
     }
 
     /// Coordinates of the base that are as far from the file as they may be.
@@ -400,6 +403,7 @@ mod tests {
             model.base[at] = coordinate;
             let with = model.with(viscous(0.1));
             let [base, effect] = [BASE[at].of(&with.without(0).twin()), with.effects[0].values[0]];
+            assert!(model.is_free(at) && !with.is_free(at), "one of both is asked for");
             assert!((base - of_base).abs() < 0.01 && (effect - of_effect).abs() < 1e-4, "{base}, {effect}");
         }
     }
