@@ -18,7 +18,7 @@ use super::smallest::Smallest;
 use super::spectrum::Peaks;
 
 /// Candidates that are fitted together with the base to the first pass of each command. Those that explain this share of
-/// what the best of them explains, and the surest, stay after a few iterations from the better of two starts; in the end those of
+/// what the best of them explains, and the surest, stay after a few iterations from the best of their starts; in the end those of
 /// the second share are fitted to all rows, and the others where none of these passes.
 const FITTED: usize = 6;
 const SHARES: [f64; 2] = [0.1, 0.6];
@@ -75,7 +75,7 @@ impl Look<'_, '_> {
     }
 }
 
-/// The most promising of a list, fitted to few rows beside the model that was fitted before, from the better of two
+/// The most promising of a list, fitted to few rows beside the model that was fitted before, from the best of their
 /// starts: those that explain most of it, and those that explain less.
 fn screened(once: &Problem<'_>, here: &Linear, listed: &[Scored]) -> [Vec<Model>; 2] {
     let without = here.cost() + believed(&here.model);
@@ -86,8 +86,10 @@ fn screened(once: &Problem<'_>, here: &Linear, listed: &[Scored]) -> [Vec<Model>
     };
     let best = |all: &mut dyn Iterator<Item = &Fitted>| all.map(explained).fold(0.0, f64::max);
     let begun = |scored: &Scored| {
-        let [first, second] = &scored.starts;
-        let start = if total_of(once, second) < total_of(once, first) { second } else { first };
+        let totals: Vec<f64> = scored.starts.par_iter().map(|start| total_of(once, start)).collect();
+        let of = |(start, _): &(_, f64)| *start;
+        let start = scored.starts.iter().zip(totals).min_by(|a, b| a.1.total_cmp(&b.1)).as_ref().map(of);
+        let start = start.expect("it has been tried");
         fit::ending(once, start, Effort::Coarse(FEW), Some(here))
     };
     let ended = |(begun, has_ended): (Fitted, bool)| {

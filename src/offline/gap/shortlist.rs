@@ -36,6 +36,9 @@ const LEAST: f64 = 24.0;
 /// Rows that say of each other whether a trial changed them by chance, s to either side.
 const NEAR_S: f64 = 0.02;
 
+/// Share of the gain of the best trial of an effect from which on another one may lead further.
+const NEARLY: f64 = 0.5;
+
 /// So many of the surest are tried, whatever others gain.
 const SUREST: usize = 3;
 
@@ -50,8 +53,9 @@ pub struct Shortlist {
 /// An effect that may be there.
 #[derive(Clone, Debug)]
 pub struct Scored {
-    /// With the values that the linear estimate gives it, beside a model as it was, and beside one that makes room.
-    pub starts: [Model; 2],
+    /// With the values that the linear estimate gives it, beside a model as it was, and beside one that makes room; then the same of
+    /// another trial that gains nearly as much, for where little is linear the estimate does not tell which leads further.
+    pub starts: Vec<Model>,
     /// By how much the cost falls, if all were linear.
     pub gain: f64,
     /// In how many of its blocks' standard deviations, squared: what stick and slip imitate in a few blocks may gain more, and is less sure.
@@ -169,19 +173,28 @@ fn listed(
     });
     let (scored, smallest): (Vec<Option<Scored>>, Vec<Option<Smallest>>) = tried.unzip();
     let of_usual = smallest::of_usual(model, &covariance);
-    let mut best: BTreeMap<&str, Scored> = BTreeMap::new();
+    let mut by_name: BTreeMap<&str, Vec<Scored>> = BTreeMap::new();
     for scored in scored.into_iter().flatten() {
-        let name = scored.entry().effect();
-        if best.get(name).is_none_or(|other| other.gain < scored.gain) {
-            best.insert(name, scored);
-        }
+        by_name.entry(scored.entry().effect()).or_default().push(scored);
     }
-    let mut best: Vec<Scored> = best.into_values().filter(|scored| passes * scored.gain > LEAST).collect();
+    let best = by_name.into_values().filter_map(best_of);
+    let mut best: Vec<Scored> = best.filter(|scored| passes * scored.gain > LEAST).collect();
     best.sort_by(|a, b| b.sureness.total_cmp(&a.sureness));
     best.iter_mut().take(SUREST).for_each(|scored| scored.is_sure = true);
     best.sort_by(|a, b| b.gain.total_cmp(&a.gain));
     let smallest = smallest.into_iter().flatten().chain(of_usual);
     Shortlist { scored: best, smallest: smallest.map(|one| one.by_passes(passes)).collect() }
+}
+
+/// The best of the trials of one effect, with the starts of the next best where that gains nearly as much.
+fn best_of(mut trials: Vec<Scored>) -> Option<Scored> {
+    trials.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+    let mut trials = trials.into_iter();
+    let mut best = trials.next()?;
+    best.starts.extend(
+        trials.next().filter(|next| next.gain > NEARLY * best.gain).into_iter().flat_map(|next| next.starts),
+    );
+    Some(best)
 }
 
 /// The coordinate of an effect that every model has, from which no data tell another.
@@ -301,7 +314,7 @@ impl Sums {
         let at: Vec<f64> = model.coordinates().iter().zip(moved).map(|(at, by)| at + by).collect();
         let tried = Tried { entry, values: tried };
         Some(Scored {
-            starts: [model.with(tried), model.at(&at).with(tried)],
+            starts: vec![model.with(tried), model.at(&at).with(tried)],
             gain,
             sureness,
             is_sure: false,
@@ -371,6 +384,25 @@ mod tests {
     }
 
     #[test]
+    fn another_trial_that_gains_nearly_as_much_is_another_start() {
+        let model = Model::new(paper_axis());
+        let trial = |gain: f64, starts: usize| Scored {
+            starts: vec![model.clone(); starts],
+            gain,
+            sureness: gain,
+            is_sure: false,
+        };
+        let starts = |gains: [f64; 3]| {
+            let best =
+                best_of(gains.iter().zip([1, 2, 4]).map(|(gain, count)| trial(*gain, count)).collect());
+            best.map(|best| (best.gain, best.starts.len()))
+        };
+        assert_eq!(starts([3.0, 9.0, 6.0]), Some((9.0, 2 + 4)), "of the best two");
+        assert_eq!(starts([3.0, 9.0, 4.0]), Some((9.0, 2)), "the best alone");
+        assert!(best_of(Vec::new()).is_none());
+    }
+
+    #[test]
     fn what_rows_do_not_tell_starts_where_it_is_though_it_could_make_up_for_an_effect() {
         let model = usual::with(&Model::new(paper_axis()));
         let (force, mass) = (model.constant_force().expect("it is usual"), 0);
@@ -388,7 +420,8 @@ mod tests {
             let entry = entry("backlash").expect("an effect");
             let tried = Tried { entry, values: entry.nominal() };
             let known = (curvature, DVector::from_element(count, 0.3), moves);
-            let [_, other] = sums.scored(beyond, &known, &[], &model, tried).expect("a gain").starts;
+            let scored = sums.scored(beyond, &known, &[], &model, tried).expect("a gain");
+            let other = &scored.starts[1];
             [force, mass].map(|at| other.coordinates()[at] - model.coordinates()[at])
         };
         let [free, held] = [None, Some(force)].map(of);

@@ -9,6 +9,9 @@ use crate::plant::effects::{Entry, Parameter, Values};
 /// Share of its usual size at which an effect is tried.
 const SHARE: f64 = 0.5;
 
+/// Values that differ by less, as a share, are one: a peak where it usually is.
+const SAME: f64 = 1e-6;
+
 /// What swings with the table makes no peak where nothing excites it much: it is looked for at these frequencies, Hz, so damped, %, that each
 /// reaches half way to the next.
 const SWINGS: ([f64; 8], f64) = ([14.0, 19.0, 26.0, 36.0, 50.0, 70.0, 100.0, 140.0], 15.0);
@@ -52,7 +55,12 @@ pub(super) fn seeds(entry: &'static Entry, peaks: &dyn Fn(&Parameter) -> Vec<f64
         if others.is_empty() {
             others = [0.3, 3.0].map(|factor| parameter.nominal * factor).to_vec();
         }
-        others.retain(|value| (low..=high).contains(value) && *value != parameter.nominal);
+        let mut tried = vec![parameter.nominal];
+        others.retain(|value| {
+            let is_new = tried.iter().all(|other| (value / other - 1.0).abs() > SAME);
+            tried.push(*value);
+            is_new && (low..=high).contains(value)
+        });
         let so_far = seeds.clone();
         for other in others {
             seeds.extend(so_far.iter().map(|seed| {
@@ -113,6 +121,14 @@ mod tests {
             };
             assert!(seeds.iter().any(reaches), "{hz} Hz");
         }
+    }
+
+    #[test]
+    fn a_peak_where_it_usually_is_is_tried_once() {
+        let entry = entry("pitch-error").expect("an effect");
+        let seeds = seeds(entry, &|_| vec![8.0, 20.0 + 1e-9, 12.7, 20.0, entry.parameters[1].nominal, 8.0]);
+        let periods: Vec<f64> = seeds.iter().map(|seed| seed[1]).collect();
+        assert_eq!(periods, [entry.parameters[1].nominal, 8.0, 20.0 + 1e-9, 12.7]);
     }
 
     #[test]
