@@ -23,6 +23,10 @@ const ROUGHLY: f64 = 0.15;
 /// reversals without a table scale, it may be what bends a soft zone out of a play.
 const FURTHER: f64 = 0.2;
 
+/// By how much less a base may be believed, as twice the logarithm of its probability, than that of another explanation: files are off by a
+/// factor of two once in a while.
+const BELIEVED: f64 = 9.0;
+
 /// How far behind a candidate with this evidence others are not told from it.
 pub(super) fn margin(evidence: f64) -> f64 {
     NEAR.0.max(NEAR.1 * evidence)
@@ -94,6 +98,13 @@ impl<'h> Beside<'h> {
         self.behind(end) > self.margin
     }
 
+    /// Whether it is none: its base is further from the file than what explains as much with one nearer to it, as when a larger mass and
+    /// twice the viscous friction make friction that goes with the load out of more of the latter.
+    fn is_made_up(&self, end: &Fitted) -> bool {
+        let of_base = |fitted: &Fitted| fitted.model.base.iter().map(|at| at * at).sum::<f64>();
+        self.behind(end) > 0.0 && of_base(end) > of_base(self.best) + BELIEVED
+    }
+
     /// Whether it is behind on the rows that judge, too.
     fn is_behind_where_judged(&self, end: &Fitted) -> bool {
         let judged = self.judged.get_or_init(|| (self.held)(self.best) + self.margin * self.scale);
@@ -155,7 +166,7 @@ impl Near {
             } else {
                 beside.is_behind(end) && (was_far || beside.is_behind_where_judged(end))
             };
-            !is_alias(best, candidate.name()) && is_behind
+            !is_alias(best, candidate.name()) && (is_behind || beside.is_made_up(end))
         };
         let (apart, ends): (Vec<_>, Vec<_>) = ends.into_iter().partition(is_apart);
         let told_apart = apart.first().map(|(candidate, end)| RunnerUp {
@@ -181,7 +192,8 @@ impl NamedEffect {
                 return true;
             }
             let end = to_the_bottom(problem, &candidate.fitted);
-            let is_apart = beside.is_behind(&end) && beside.is_behind_where_judged(&end);
+            let is_behind = beside.is_behind(&end) && beside.is_behind_where_judged(&end);
+            let is_apart = is_behind || beside.is_made_up(&end);
             if is_apart {
                 let behind = beside.behind(&end);
                 apart.get_or_insert(RunnerUp { name: other, behind, failed: Vec::new() });
@@ -312,6 +324,25 @@ mod tests {
         };
         assert_eq!(class([9_000.0, 9_100.0]), ["current-loop-lag", "actuator-delay"]);
         assert_eq!(class([9_000.0, 12_000.0]), ["current-loop-lag"]);
+    }
+
+    #[test]
+    fn what_needs_a_base_that_is_much_further_from_its_file_is_no_other_explanation() {
+        let without = Fitted { total: 25_000.0, ..candidate("backlash", 25_000.0).fitted };
+        let class = |priors: f64, left: f64| -> Vec<&str> {
+            let mut other = candidate("load-dependent-friction", left);
+            other.fitted.model.base[0] = priors;
+            let near = vec![candidate("viscous-friction", 10_000.0), other];
+            let end = |candidate: &Candidate| candidate.fitted.clone();
+            Near::of((near, 0.0), &end, &|_| 0.0, &without, 10_000)
+                .class
+                .iter()
+                .map(Candidate::name)
+                .collect()
+        };
+        assert_eq!(class(2.9, 10_010.0), ["viscous-friction", "load-dependent-friction"]);
+        assert_eq!(class(3.1, 10_010.0), ["viscous-friction"]);
+        assert_eq!(class(3.1, 9_990.0), ["load-dependent-friction", "viscous-friction"], "it explains more");
     }
 
     #[test]
