@@ -124,3 +124,29 @@ fn screened(once: &Problem<'_>, here: &Linear, listed: &[Scored]) -> [Vec<Model>
         ended.into_iter().partition(|one| explained(one) >= least && one.total < hopeless);
     [most, less].map(|all| all.into_iter().map(|fitted| fitted.model).collect())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::model::Tried;
+    use super::super::sensors::tests::{showing, swinging};
+    use super::super::usual;
+    use super::*;
+    use crate::base::axis::AxisId;
+    use crate::config;
+    use crate::plant::effects::entry;
+
+    #[test]
+    fn an_effect_that_is_far_from_straight_is_begun_a_part_of_its_way() {
+        let machine = config::load("paper").expect("a machine");
+        let file = usual::with(&Model::new(machine.axes[AxisId::X].plant));
+        let entry = entry("torque-saturation").expect("an effect");
+        let truth = file.with(Tried { entry, values: [6.0, 0.0, 0.0] });
+        let problem = showing(&swinging(&machine, 5e-3), &truth);
+        let here = Linear::widest(&problem, &file);
+        let listed = shortlist(&problem, &here, &|_| Vec::new(), 1.0);
+        let [best, _] = screened(&problem, &here, &listed.scored);
+        let found = best[0].effects.last().expect("an effect");
+        assert_eq!(found.entry.name, entry.name);
+        assert!((found.values[0] - 6.0).abs() < 0.01, "{} %/A", found.values[0]);
+    }
+}

@@ -39,6 +39,9 @@ const NEAR_S: f64 = 0.02;
 /// Share of the gain of the best trial of an effect from which on another one may lead further.
 const NEARLY: f64 = 0.5;
 
+/// Part of the way to where the linear estimate leads.
+const PART: f64 = 0.25;
+
 /// So many of the surest are tried, whatever others gain.
 const SUREST: usize = 3;
 
@@ -53,8 +56,9 @@ pub struct Shortlist {
 /// An effect that may be there.
 #[derive(Clone, Debug)]
 pub struct Scored {
-    /// With the values that the linear estimate gives it, beside a model as it was, and beside one that makes room; then the same of
-    /// another trial that gains nearly as much, for where little is linear the estimate does not tell which leads further.
+    /// With the values that the linear estimate gives it, beside a model that makes room, beside one as it was, and a part of the first
+    /// way, for an effect that is far from straight over all of it; then the first of another trial that gains nearly as much, for there
+    /// the gain does not tell which leads further either.
     pub starts: Vec<Model>,
     /// By how much the cost falls, if all were linear.
     pub gain: f64,
@@ -186,14 +190,13 @@ fn listed(
     Shortlist { scored: best, smallest: smallest.map(|one| one.by_passes(passes)).collect() }
 }
 
-/// The best of the trials of one effect, with the starts of the next best where that gains nearly as much.
+/// The best of the trials of one effect, and where the next best leads if that gains nearly as much.
 fn best_of(mut trials: Vec<Scored>) -> Option<Scored> {
     trials.sort_by(|a, b| b.gain.total_cmp(&a.gain));
     let mut trials = trials.into_iter();
     let mut best = trials.next()?;
-    best.starts.extend(
-        trials.next().filter(|next| next.gain > NEARLY * best.gain).into_iter().flat_map(|next| next.starts),
-    );
+    let next = trials.next().filter(|next| next.gain > NEARLY * best.gain);
+    best.starts.extend(next.and_then(|next| next.starts.into_iter().next()));
     Some(best)
 }
 
@@ -311,10 +314,15 @@ impl Sums {
         let moved = curvature.solve(&(-slope - self.crossed.transpose() * (part * &shares)));
         let share = share_that_holds(&moved);
         let moved = moved.iter().zip(moves).map(|(by, moves)| if *moves { share * by } else { 0.0 });
-        let at: Vec<f64> = model.coordinates().iter().zip(moved).map(|(at, by)| at + by).collect();
-        let tried = Tried { entry, values: tried };
+        let moved: Vec<f64> = moved.collect();
+        let gone = |part: f64| {
+            let way = model.coordinates().into_iter().zip(&moved);
+            let mut values = tried;
+            entry.amplitudes().for_each(|place| values[place] *= part);
+            model.at(&way.map(|(at, by)| at + part * by).collect::<Vec<f64>>()).with(Tried { entry, values })
+        };
         Some(Scored {
-            starts: vec![model.with(tried), model.at(&at).with(tried)],
+            starts: vec![gone(1.0), model.with(Tried { entry, values: tried }), gone(PART)],
             gain,
             sureness,
             is_sure: false,
@@ -397,7 +405,7 @@ mod tests {
                 best_of(gains.iter().zip([1, 2, 4]).map(|(gain, count)| trial(*gain, count)).collect());
             best.map(|best| (best.gain, best.starts.len()))
         };
-        assert_eq!(starts([3.0, 9.0, 6.0]), Some((9.0, 2 + 4)), "of the best two");
+        assert_eq!(starts([3.0, 9.0, 6.0]), Some((9.0, 2 + 1)), "where the second leads, too");
         assert_eq!(starts([3.0, 9.0, 4.0]), Some((9.0, 2)), "the best alone");
         assert!(best_of(Vec::new()).is_none());
     }
@@ -421,7 +429,7 @@ mod tests {
             let tried = Tried { entry, values: entry.nominal() };
             let known = (curvature, DVector::from_element(count, 0.3), moves);
             let scored = sums.scored(beyond, &known, &[], &model, tried).expect("a gain");
-            let other = &scored.starts[1];
+            let other = &scored.starts[0];
             [force, mass].map(|at| other.coordinates()[at] - model.coordinates()[at])
         };
         let [free, held] = [None, Some(force)].map(of);
