@@ -37,7 +37,7 @@ const EVENTS: f64 = 0.01;
 const NEARER: f64 = 0.95;
 /// A coarse fit ends with an iteration that gains less than this share of the cost, as that judges ([`LEAST_PER_ROW`]), a
 /// fine one with half a unit of the logarithm of probability: the cost has two.
-const ENOUGH: (f64, f64) = (1e-4, 1.0);
+const ENOUGH: (f64, f64) = (1e-3, 1.0);
 /// Less than this is never left per row, in units of the floor: a floor that counts what an encoder hides twice is too
 /// high, but not by more.
 pub const LEAST_PER_ROW: f64 = 0.5;
