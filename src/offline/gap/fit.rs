@@ -35,9 +35,10 @@ const PROMISED: f64 = 0.5;
 /// how much the knee must come nearer to make it another fit.
 const EVENTS: f64 = 0.01;
 const NEARER: f64 = 0.95;
-/// A coarse fit ends with an iteration that gains less than this share of the cost, as that judges ([`LEAST_PER_ROW`]), a
-/// fine one with half a unit of the logarithm of probability: the cost has two.
-const ENOUGH: (f64, f64) = (1e-3, 1.0);
+/// A coarse fit ends with an iteration that gains less than this share of the cost, as that judges ([`LEAST_PER_ROW`]): the first of a base,
+/// of whose depth is told whether anything is missing, the second of a candidate beside it. A fine one ends with half a unit of the logarithm
+/// of probability: the cost has two.
+const ENOUGH: ([f64; 2], f64) = ([1e-4, 1e-3], 1.0);
 /// Less than this is never left per row, in units of the floor: a floor that counts what an encoder hides twice is too
 /// high, but not by more.
 pub const LEAST_PER_ROW: f64 = 0.5;
@@ -119,7 +120,7 @@ fn by_steps(
     let mut damping = DAMPING.0;
     let mut left = residuals(problem, &model, Part::Fit);
     let enough = |total: f64| match effort {
-        Effort::Coarse(_) => ENOUGH.0 * rows as f64 * scale(total, rows),
+        Effort::Coarse(_) => ENOUGH.0[usize::from(!start.is_base())] * rows as f64 * scale(total, rows),
         Effort::Fine => ENOUGH.1 * scale(total, rows),
     };
     // Far from the minimum all rows are far off: they count by their square until they are near.

@@ -8,6 +8,7 @@
 
 use super::forward::DEFLECTION;
 use super::twin::{BASE, Base, Twin};
+use super::usual::is_usual;
 use crate::plant::Parameters;
 use crate::plant::effects::{Entry, Parameter, VALUES_MAX, Values, entry};
 
@@ -266,6 +267,11 @@ impl Model {
         // Which of both has made it no row tells, and what roughness of the rows tells of it is nothing.
         let is_of_effect = |tried: &Tried| MADE_OF == (base.name, tried.entry.name);
         base.is_free(&self.nominal) && !self.effects.iter().any(is_of_effect)
+    }
+
+    /// Whether it has no effect but what every model has.
+    pub(super) fn is_base(&self) -> bool {
+        self.effects.iter().all(|tried| is_usual(tried.entry))
     }
 
     /// Coordinates of the base that are as far from the file as they may be.
