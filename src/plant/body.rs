@@ -141,9 +141,10 @@ impl Body {
         let was = if slide == 0.0 {
             Before::Stood { pull_n }
         } else {
-            let stood = self.motion[2] / (self.motion[2] - before[2]);
+            let back = self.motion[2];
+            let stood = if back == 0.0 { 0.0 } else { back / (back - before[2]) };
             // It has not gone back.
-            self.motion[0] += 0.5 * stood * length_s * self.motion[2];
+            self.motion[0] += 0.5 * stood * length_s * back;
             Before::Slid { stood }
         };
         self.slide = 0.0;
@@ -283,6 +284,17 @@ mod tests {
             let off_um = apart_um(&to_and_fro(&axis, 1, FINE_STEPS), &to_and_fro(&axis, 50, FINE_STEPS));
             assert!(off_um < most_um, "{off_um} um where it falls by {drop_n} N");
         }
+    }
+
+    #[test]
+    fn a_table_that_nothing_moves_stands_where_it_is() {
+        let mut axis = falling_by(0.0);
+        axis.friction = crate::plant::friction::Parameters::NONE;
+        let mut plant = Plant::sliding(&axis, Span::us(500), Velocity::ZERO, Position::ZERO);
+        for _ in 0..10 {
+            plant.step(Current::ZERO);
+        }
+        assert_eq!((plant.state().table_position, plant.state().current), (Position::ZERO, Current::ZERO));
     }
 
     #[test]
