@@ -12,7 +12,7 @@ const PAGE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/identification.md"
 const MARKS: [&str; 2] = ["<!-- coverage -->\n", "<!-- /coverage -->\n"];
 /// Logs; each has two axes, and every axis is a machine of its own. All of them with `QUADRANT_FULL`, for the table.
 const LOGS: u64 = 50;
-const SOME_LOGS: u64 = 12;
+const SOME_LOGS: u64 = 16;
 /// Bounds of the share of intervals that contain the truth, %, by parameter: of one encoder alone they are too few. The
 /// lower one holds for what is counted, the upper one for the chance behind it.
 const BOUNDS_PERCENT: [f64; 2] = [90.0, 99.0];

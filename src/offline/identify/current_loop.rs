@@ -96,12 +96,11 @@ fn fit(measured: &Measured, stretches: &[&Stretch], axis: &Axis) -> Option<[Told
         gradients.clear();
         for (row, here) in here.iter().enumerate() {
             let jacobian = Matrix2xX::from_fn(here.len(), |k, at| (slopes[k][row][at] - here[at]) / SMALL);
-            let own = &jacobian * jacobian.transpose();
-            normal += own;
-            gradients.push((own, &jacobian * here));
+            normal += &jacobian * jacobian.transpose();
+            gradients.push(&jacobian * here);
         }
         inverse = normal.try_inverse()?;
-        let step = inverse * gradients.iter().map(|(_, gradient)| gradient).sum::<Vector2<f64>>();
+        let step = inverse * gradients.iter().sum::<Vector2<f64>>();
         let next = (0..HALVINGS_MAX).find_map(|halved| {
             let next = place - step * 0.5_f64.powi(halved as i32);
             let is_possible = next[0].abs() < LAG_MAX && next[1] > -1.0 && next[1] < DEAD_MAX as f64 - 2.0;
@@ -112,16 +111,8 @@ fn fit(measured: &Measured, stretches: &[&Stretch], axis: &Axis) -> Option<[Told
         (place, here) = next;
     }
     let count = stretches.len() as f64;
-    // As each is left by the fit to all others (CR3 of Bell and McCaffrey 2002): one that tells most of it pulls it to itself, and what
-    // is left of that one says too little of how far it may be off.
-    let of_others = |(own, gradient): &(Matrix2<f64>, Vector2<f64>)| {
-        Some((Matrix2::identity() - own * inverse).try_inverse()? * gradient)
-    };
-    let scatter: Matrix2<f64> = gradients
-        .iter()
-        .map(|one| of_others(one).map(|gradient| gradient * gradient.transpose()))
-        .sum::<Option<Matrix2<f64>>>()?;
-    let covariance = inverse * scatter * inverse * ((count - 1.0) / count);
+    let scatter: Matrix2<f64> = gradients.iter().map(|gradient| gradient * gradient.transpose()).sum();
+    let covariance = inverse * scatter * inverse * (count / (count - 1.0));
     let half = |k: usize| student95(count - 1.0) * covariance[(k, k)].sqrt();
     let Lag { lag_s, dead_s } = lag(&place);
     (half(0) < TELLING).then(|| {
