@@ -86,10 +86,9 @@ fn screened(once: &Problem<'_>, here: &Linear, listed: &[Scored]) -> [Vec<Model>
     };
     let best = |all: &mut dyn Iterator<Item = &Fitted>| all.map(explained).fold(0.0, f64::max);
     let begun = |scored: &Scored| {
-        let totals: Vec<f64> = scored.starts.par_iter().map(|start| total_of(once, start)).collect();
-        let of = |(start, _): &(_, f64)| *start;
-        let start = scored.starts.iter().zip(totals).min_by(|a, b| a.1.total_cmp(&b.1)).as_ref().map(of);
-        let start = start.expect("it has been tried");
+        let left = scored.starts.par_iter().map(|start| (total_of(once, start), start));
+        let left: Vec<(f64, &Model)> = left.collect();
+        let (_, start) = left.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)).expect("it has been tried");
         fit::ending(once, start, Effort::Coarse(FEW), Some(here))
     };
     let ended = |(begun, has_ended): (Fitted, bool)| {

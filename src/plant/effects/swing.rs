@@ -47,11 +47,11 @@ const TERMS: [f64; 6] = {
     terms
 };
 
-/// Sine of an angle in turns, off by less than 1e-7, and of no turns but a few of millions: that of a library, right to the last bit,
-/// is a quarter of what the steps of an axis take that swings.
+/// Sine of an angle in turns, off by less than 1e-7: that of a library, right to the last bit, is a quarter of what the steps of an axis
+/// take that swings.
 #[inline]
 fn sine_of_turns(turns: f64) -> f64 {
-    // What is so large has no room for fractions.
+    // Added to it, a number loses what is behind its point.
     const NEAREST: f64 = 1.5 * (1_u64 << 52) as f64;
     let within = turns - ((turns + NEAREST) - NEAREST);
     let quarter = (0.25 - (within.abs() - 0.25).abs()).copysign(within);
