@@ -11,6 +11,7 @@ mod loops;
 mod nearby;
 mod passes;
 mod shaken;
+mod strained;
 mod usual;
 mod zeros;
 

@@ -219,7 +219,9 @@ fn axis<'m>(
     };
     // Beside a floor that is a lower bound, much is left whatever is named.
     let is_told = problem.is_noise_told();
-    if !named.effects.is_empty() && is_told && (shape.is_some() || is_little()) {
+    let strained = Rest::strained(&named.model.model).filter(|_| !named.effects.is_empty());
+    let is_denied = strained.is_some() || is_told && (shape.is_some() || is_little());
+    if !named.effects.is_empty() && is_denied {
         named.withdraw();
         gap.iter_mut().for_each(|signal| signal.after = signal.before);
     }
@@ -233,7 +235,7 @@ fn axis<'m>(
             .or_else(|| Rest::strained(&named.base.model))
     };
     let of_base = || named.effects.is_empty().then(of_base).flatten();
-    let rest = shape.or_else(|| bursts(&problem, &named.model.model)).or_else(of_base);
+    let rest = shape.or(strained).or_else(|| bursts(&problem, &named.model.model)).or_else(of_base);
     let verdict = verdict(&named, &gap, rest.is_some(), is_told);
     let of = |place| consequence(&problem, &named.model.model, place);
     let consequences = (0..named.effects.len()).map(of).collect();

@@ -83,8 +83,8 @@ impl Rest {
         Some(Self::In { signal: most.signal, shows: Shows::Shaped(most.coordinate, most.share) })
     }
 
-    /// Of a base that explains all, and is no machine that the file could mean: a play of the scale head of 4 um passed for a damping
-    /// of 8.7 times as much.
+    /// Of a base that is no machine that the file could mean, whatever it explains alone or beside a name: a play of the scale head of 4 um
+    /// passed for a damping of 8.7 times as much, and a hose that creeps for a spring on a table of 75 kg, where the file has 335.
     pub(super) fn strained(base: &Model) -> Option<Self> {
         let of_data_sheets =
             BASE.iter().zip(&base.base).filter(|(base, _)| OF_DATA_SHEETS.contains(&base.name));
