@@ -219,7 +219,9 @@ fn axis<'m>(
     };
     // Beside a floor that is a lower bound, much is left whatever is named.
     let is_told = problem.is_noise_told();
-    let strained = Rest::strained(&named.model.model).filter(|_| !named.effects.is_empty());
+    // What swings of an axis without a table scale is hardly told from its motor.
+    let is_told_apart = problem.has_table() && !named.effects.is_empty();
+    let strained = Rest::strained(&named.model.model).filter(|_| is_told_apart);
     let is_denied = strained.is_some() || is_told && (shape.is_some() || is_little());
     if !named.effects.is_empty() && is_denied {
         named.withdraw();

@@ -138,6 +138,15 @@ impl Course {
         later
     }
 
+    /// The same so far away.
+    #[must_use]
+    pub(super) fn shifted(&self, by: Position) -> Self {
+        let mut shifted = self.clone();
+        shifted.setpoints.iter_mut().for_each(|setpoint| setpoint.position += by);
+        shifted.start.position += by;
+        shifted
+    }
+
     /// What the axis is asked for, row by row.
     pub fn setpoints(&self) -> impl Iterator<Item = &Setpoint> {
         self.setpoints.iter().step_by(self.cycles)
@@ -247,9 +256,19 @@ fn neighbours(run: &Run, machine: &Machine, id: AxisId) -> Vec<Neighbour> {
 /// An axis whose encoders resolve everything. Counts of the simulation are no more those of the measurement than its
 /// noise would be: they would be noise twice.
 pub fn without_counts(axis: &Axis) -> Axis {
+    counting(axis, FINE_COUNTS_PER_REV)
+}
+
+/// The same axis with the counts of its motor, which its loops answer to.
+pub(super) fn with_counts_of_motor(axis: &Axis) -> Axis {
+    let per_rev = axis.plant.mechanics.lead_m / axis.scale.motor_resolution().as_m();
+    counting(axis, per_rev.round() as u32)
+}
+
+fn counting(axis: &Axis, motor_counts_per_rev: u32) -> Axis {
     let scale = AxisScale::new(&ScaleSettings {
         lead: Position::m(axis.plant.mechanics.lead_m),
-        motor_counts_per_rev: FINE_COUNTS_PER_REV,
+        motor_counts_per_rev,
         motor_sense: Sense::Along,
         table_counts_per_mm: Some(FINE_COUNTS_PER_MM),
         table_sense: Sense::Along,

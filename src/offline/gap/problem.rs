@@ -103,7 +103,7 @@ pub struct Problem<'m> {
     /// Which axis.
     pub id: AxisId,
     /// That axis, with encoders that resolve everything.
-    axis: Axis,
+    pub(super) axis: Axis,
     /// Which gains.
     pub gain_set: u8,
     /// Its runs.

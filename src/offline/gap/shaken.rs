@@ -1,27 +1,32 @@
-//! What noise of the torque does to the mean of a run: a table that is held breaks away sooner where its motor shakes, and a
-//! friction that falls is seen over all velocities that it is shaken through. A simulation without noise does neither.
+//! What noise of the torque and counts of the encoder do to the mean of a run: a table that is held breaks away sooner where its motor
+//! shakes, and a friction that falls is seen over all velocities that it is shaken through. A simulation without them does neither.
 //!
 //! ```text
 //!   noise of passes ─► how much the torque shakes
-//!   (f(θ, n) + f(θ, -n)) / 2 - f(θ), in the mean over some n ─► added to what a model makes of that run
+//!   (f(θ, n, z) + f(θ, -n, z)) / 2 - f(θ), in the mean over some n and z ─► added to what a model makes of that run
 //! ```
 //!
-//! `n` is noise with a memory; of what is linear in it nothing is left. Without this, noise was a Stribeck friction of 45 N, or a
-//! backlash of 0.1 um, for any machine that sticks.
-//! Invariant: the same model and run are shaken the same way; a machine whose passes are all alike is not shaken.
+//! `n` is noise with a memory; of what is linear in it nothing is left. `z` is where the counts of the encoder are, as the positions of the
+//! run tell, or anywhere: the velocity loop answers to each count with a kick. Without noise a machine that sticks had a Stribeck friction
+//! of 45 N, or a backlash of 0.1 um; without counts of 1 um, on bristles, a force of 18 N at 73 Hz, which shook it as they do.
+//! Invariant: the same model and run are shaken the same way; a machine whose passes are all alike and whose encoder is fine is not shaken.
 
+use std::f64::consts::TAU;
 use std::sync::Arc;
 
+use nalgebra::Complex;
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
 
-use super::forward::{CURRENT, Signals};
+use super::forward::{CURRENT, Signals, with_counts_of_motor};
 use super::model::Model;
 use super::problem::{AxisData, Part, Problem, SIGNALS};
 use super::straight::bend;
 use crate::base::units::Current;
+use crate::config::machine::Axis;
+use crate::offline::running_mean::running_mean;
 use crate::plant::Parameters;
 
 /// Pairs of draws.
@@ -31,6 +36,10 @@ const PAIRS: usize = 8;
 const MEMORY_S: f64 = 0.03;
 /// A torque that shakes by less than this share of the friction moves nothing.
 const LEAST: f64 = 2e-3;
+/// An axis that answers to a count with less than this share of the current of its friction is not shaken by it: it is over in a cycle.
+const LEAST_PER_COUNT: f64 = 0.05;
+/// Positions that stand alike beside counts have a mean of this length on the circle of one count.
+const ALIKE: f64 = 0.9;
 
 /// By how much noise moves the mean of each signal of a run.
 #[derive(Debug, Default)]
@@ -88,15 +97,28 @@ impl Problem<'_> {
         self.with_data(Arc::new(self.data.iter().enumerate().map(of).collect()))
     }
 
+    /// That axis with its counts, where its loops answer to them with kicks.
+    fn counting_axis(&self) -> Option<Axis> {
+        let axis = &self.machine.axes[self.id];
+        let Parameters { mechanics, friction, .. } = &axis.plant;
+        let count_rad = axis.scale.motor_resolution().as_m() / mechanics.travel_per_rad_m();
+        let velocity = &self.machine.gains(self.id, self.gain_set).velocity;
+        let kick_nm = velocity.proportional_nm_s_per_rad * count_rad / self.machine.cycle.period.as_s();
+        let holds_nm = mechanics.torque_for_force(friction.sliding).as_nm();
+        (kick_nm > LEAST_PER_COUNT * holds_nm).then(|| with_counts_of_motor(axis))
+    }
+
     /// By how much the mean of a run is moved for a model.
     pub(super) fn moved_by_noise(&self, place: usize, model: &Model) -> Moved {
-        if self.shakes == Current::ZERO {
+        let counting = self.counting_axis();
+        if self.shakes == Current::ZERO && counting.is_none() {
             return Moved::default();
         }
+        let axis = counting.unwrap_or(self.axis);
         let plant = model.twin().plant;
         let here = self.shaken_as(place, &plant, || Current::ZERO);
         let draws = (0..PAIRS).into_par_iter().map(|draw| {
-            let both = self.both_ways(place, &plant, self.shakes, draw);
+            let both = self.both_ways(place, (&axis, &plant), self.shakes, draw);
             SIGNALS.map(|(.., pick)| bend(&here, &both, pick))
         });
         let draws: Vec<_> = draws.collect();
@@ -104,7 +126,7 @@ impl Problem<'_> {
         for (signal, noise) in self.noises.iter().enumerate() {
             let Some(noise) = noise else { continue };
             let rows = draws[0][signal].len();
-            let mean: Vec<f64> = (0..rows)
+            let mut mean: Vec<f64> = (0..rows)
                 .map(|row| draws.iter().map(|draw| draw[signal][row]).sum::<f64>() / PAIRS as f64)
                 .collect();
             let mut chance = vec![0.0; rows];
@@ -113,6 +135,14 @@ impl Problem<'_> {
                 let of_mean =
                     noise.whitened(&apart).into_iter().map(|by| by * by / (PAIRS * (PAIRS - 1)) as f64);
                 chance.iter_mut().zip(of_mean).for_each(|(sum, power)| *sum += power);
+            }
+            // Of what is no more than chance makes of so few draws nothing is believed.
+            let power: Vec<f64> = noise.whitened(&mean).into_iter().map(|by| by * by).collect();
+            let [power, of_chance] = [power, chance.clone()].map(|rows| running_mean(&rows, self.near()));
+            for (row, (power, of_chance)) in power.into_iter().zip(of_chance).enumerate() {
+                let share = if of_chance < power { 1.0 - of_chance / power } else { 0.0 };
+                mean[row] *= share;
+                chance[row] *= share;
             }
             (moved.by[signal], moved.chance[signal]) = (mean, chance);
         }
@@ -127,30 +157,53 @@ impl Problem<'_> {
         rms: Current,
         draw: usize,
     ) -> [Vec<f64>; SIGNALS.len()] {
-        let both = self.both_ways(place, plant, rms, draw);
+        let both = self.both_ways(place, (&self.axis, plant), rms, draw);
         SIGNALS.map(|(.., pick)| {
             let [up, down] = both.each_ref().map(pick);
             up.iter().zip(down).map(|(up, down)| 0.5 * (up - down)).collect()
         })
     }
 
-    /// A run with noise, and with the same the other way.
-    fn both_ways(&self, place: usize, plant: &Parameters, rms: Current, draw: usize) -> [Signals; 2] {
+    /// A run with noise, and with the same the other way; begun half a count on where nothing tells where its counts are.
+    fn both_ways(
+        &self,
+        place: usize,
+        (axis, plant): (&Axis, &Parameters),
+        rms: Current,
+        draw: usize,
+    ) -> [Signals; 2] {
         let forgets = self.machine.cycle.period.as_s() / MEMORY_S;
         let loudness = ((2.0 - forgets) / forgets).sqrt();
-        [loudness, -loudness].map(|loudness| {
-            let mut random = Pcg64Mcg::seed_from_u64((self.data[place].run * PAIRS + draw) as u64);
+        let (data, count) = (&self.data[place], axis.scale.motor_resolution());
+        // What was written down more coarsely says nothing of counts.
+        let beside = if self.position_step_m > 0.0 { None } else { data.beside_counts(count.as_m()) };
+        [(loudness, 0), (-loudness, PAIRS)].map(|(loudness, further)| {
+            let mut random = Pcg64Mcg::seed_from_u64((data.run * PAIRS + draw) as u64);
             let mut noise = 0.0;
-            self.shaken_as(place, plant, || {
+            let shake = || {
                 let white: f64 = StandardNormal.sample(&mut random);
                 noise += (white - noise) * forgets;
                 rms * (loudness * noise)
-            })
+            };
+            let of_count = beside.map_or((draw + further) as f64 / (2 * PAIRS) as f64, |beside| -beside);
+            let course = data.course.shifted(count * of_count);
+            course.run_shaken(axis, self.machine.cycle.position_every, self.gain_set, plant, shake)
         })
     }
 }
 
 impl AxisData {
+    /// How far from whole counts its positions stand, in counts, if all stand as far.
+    fn beside_counts(&self, count_m: f64) -> Option<f64> {
+        let places_m = self.course.setpoints_m().zip(&self.measured.following_error_m);
+        let none = (Complex::new(0.0, 0.0), 0.0);
+        let (turns, rows) = places_m.fold(none, |(sum, rows), (setpoint_m, error_m)| {
+            let turns = ((setpoint_m - error_m) / count_m).fract();
+            (sum + Complex::from_polar(1.0, TAU * turns), rows + 1.0)
+        });
+        (turns.norm() > ALIKE * rows).then(|| turns.arg() / TAU)
+    }
+
     /// Signals that a model makes without noise as they are in the mean.
     pub(super) fn add_moved(&self, signals: &mut Signals) {
         let each = [&mut signals.following_error_m, &mut signals.deflection_m, &mut signals.current_a];
@@ -162,12 +215,14 @@ impl AxisData {
 
 #[cfg(test)]
 mod tests {
-    use super::super::forward::FOLLOWING_ERROR;
+    use super::super::forward::{Course, FOLLOWING_ERROR};
     use super::super::sensors::tests::problem_of;
     use super::*;
     use crate::base::axis::AxisId;
     use crate::base::units::Position;
-    use crate::config;
+    use crate::config::{self, Machine};
+    use crate::plant::effects::entry;
+    use crate::rt::wire::scaling::{AxisScale, ScaleSettings, Sense};
 
     /// Draws that no problem makes by itself.
     const OTHERS: std::ops::Range<usize> = 100..132;
@@ -213,8 +268,9 @@ mod tests {
             let answer = problem.response(0, &plant, problem.shakes, 0);
             // As many other draws, one by one.
             let still = problem.shaken_as(0, &plant, || Current::ZERO);
-            let all: Vec<[Signals; 2]> =
-                OTHERS.map(|draw| problem.both_ways(0, &plant, problem.shakes, draw)).collect();
+            let all: Vec<[Signals; 2]> = OTHERS
+                .map(|draw| problem.both_ways(0, (&problem.axis, &plant), problem.shakes, draw))
+                .collect();
             let mean = |row: usize| {
                 let sum: f64 = all.iter().flatten().map(|one| one.following_error_m[row]).sum();
                 sum / (2 * all.len()) as f64 - still.following_error_m[row]
@@ -230,5 +286,69 @@ mod tests {
         let (moved, answer, _) = by_and_answer(Position::mm(10.0), 1.0);
         let (moved, answer) = (&moved[1_000..5_000], &answer[1_000..5_000]);
         assert!(power(moved) < 1e-4 * power(answer), "{} of {}", power(moved), power(answer));
+    }
+
+    /// A machine on bristles that counts in micrometres.
+    fn counting_um() -> Machine {
+        let mut machine = config::load("paper").expect("a machine");
+        let axis = &mut machine.axes[AxisId::X];
+        axis.plant = axis.plant.with_effect(entry("presliding").expect("an effect"), [8.0, 0.0, 0.0]);
+        axis.scale = AxisScale::new(&ScaleSettings {
+            lead: Position::m(axis.plant.mechanics.lead_m),
+            motor_counts_per_rev: 10_000,
+            motor_sense: Sense::Along,
+            table_counts_per_mm: None,
+            table_sense: Sense::Along,
+        });
+        machine
+    }
+
+    /// A run there and back, slower than friction falls.
+    fn creeping(machine: &Machine) -> Problem<'_> {
+        let place_m = |row: usize| 1e-5 * (1.0 - (row as f64 * 5e-4 * 3.0).cos());
+        problem_of(machine, 6_000, place_m, [1e-7, 1e-7, 0.05]).written_in(0.0)
+    }
+
+    #[test]
+    fn counts_move_the_mean_of_what_creeps_and_fine_ones_nothing() {
+        let machine = counting_um();
+        let model = Model::new(machine.axes[AxisId::X].plant);
+        let mut fine = machine.clone();
+        fine.axes[AxisId::X].scale = config::load("paper").expect("a machine").axes[AxisId::X].scale;
+        let [none, ..] = creeping(&fine).moved_by_noise(0, &model).by;
+        assert!(none.is_empty(), "a count of it is no kick");
+        let problem = creeping(&machine);
+        let [moved, ..] = problem.moved_by_noise(0, &model).by;
+        // Begun elsewhere within a count, with the counts of the machine.
+        let (axis, plant, count) = (&machine.axes[AxisId::X], model.twin().plant, Position::um(1.0));
+        let (every, course) = (machine.cycle.position_every, &problem.data[0].course);
+        let error_m = |course: &Course, axis: &Axis| course.run(axis, every, 0, &plant).following_error_m;
+        let still = error_m(course, &problem.axis);
+        let all: Vec<Vec<f64>> = (0..64)
+            .map(|part| error_m(&course.shifted(count * ((f64::from(part) + 0.5) / 64.0)), axis))
+            .collect();
+        let mean = |row: usize| all.iter().map(|one| one[row]).sum::<f64>() / 64.0 - still[row];
+        let others: Vec<f64> = (0..6_000).map(mean).collect();
+        assert!(power(&others) > 6_000.0 * 2e-7_f64.powi(2), "{} um", 1e6 * (power(&others) / 6e3).sqrt());
+        let apart: Vec<f64> = moved.iter().zip(&others).map(|(one, other)| one - other).collect();
+        assert!(power(&apart) < 0.3 * power(&others), "{} of {}", power(&apart), power(&others));
+    }
+
+    #[test]
+    fn positions_tell_where_the_counts_of_a_run_are() {
+        let machine = counting_um();
+        let (axis, model) = (&machine.axes[AxisId::X], Model::new(machine.axes[AxisId::X].plant));
+        let problem = creeping(&machine);
+        for beside in [0.0, 0.3, -0.45] {
+            let course = problem.data[0].course.shifted(Position::um(1.0) * -beside);
+            let mut data = problem.data[0].clone();
+            data.measured = course.run(axis, machine.cycle.position_every, 0, &model.twin().plant);
+            let found = data.beside_counts(1e-6).expect("it was counted");
+            assert!((found - beside).abs() < 1e-6, "{found} and not {beside} counts");
+            let problem = problem.with_data(Arc::new(vec![data])).with_means_about(&model);
+            let left = problem.left(0, &problem.simulated(0, &model), FOLLOWING_ERROR, Part::Fit);
+            assert!(power(&left) < 6_000.0 * 1e-9_f64.powi(2), "{} um", 1e6 * (power(&left) / 6e3).sqrt());
+        }
+        assert_eq!(problem.data[0].beside_counts(1e-6), None, "of no encoder");
     }
 }
