@@ -66,3 +66,22 @@ fn a_viscous_friction_has_a_name_beyond_what_a_file_that_has_some_may_be_wrong_b
         }
     }
 }
+
+#[test]
+#[ignore = "seconds only if optimised; run by .ci/run"]
+fn guides_that_give_way_over_more_than_their_file_says_are_of_the_base() {
+    let mut machine = config::load("paper").expect("a machine");
+    let (plant, bristles) = (&mut machine.axes[AxisId::X].plant, entry("presliding").expect("an effect"));
+    *plant = plant.with_effect(bristles, [8.0, 0.0, 0.0]);
+    let analysis = analysed(&machine, &runs(&machine, &[("presliding", 9.0), ("backlash", 2.0)]));
+    let [axis] = analysis.axes.as_slice() else { panic!("one axis") };
+    let names: Vec<&str> = axis.named.effects.iter().map(|effect| effect.name).collect();
+    assert_eq!(names, ["backlash"]);
+
+    let mut file = MachineFile::create(Path::new("mill.toml"), &machine).expect("a file");
+    let origin = Origin { runs: "slow".to_owned(), date: "today".to_owned(), commit: "this".to_owned() };
+    assert!(write_back::put(&mut file, &machine, &analysis, &origin).expect("it has the keys"));
+    let plant = file.machine().expect("a sound machine").axes[AxisId::X].plant;
+    let [way_um, ..] = plant.effects.of(bristles);
+    assert!((way_um - 9.0).abs() < 0.2, "{way_um} um");
+}

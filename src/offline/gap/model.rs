@@ -21,6 +21,8 @@ pub(super) const FALLS: &str = "stribeck";
 const AS_FAR: f64 = 0.35;
 /// What the base makes of an effect as far as it reaches: its parameter, N s/m, and the effect, N s/mm.
 const MADE_OF: (&str, &str) = ("viscous", "viscous-friction");
+/// Another parameter of the base, and the effect that stands in its place.
+const IN_ITS_PLACE: (&str, &str) = ("presliding_way", "presliding");
 /// More priors than this a base goes only to make up for something.
 const GONE_FAR: f64 = 3.0;
 /// How far an amplitude is from zero that the base makes up for, in coordinates. Left free, a gain of the velocity loop would take from
@@ -265,7 +267,8 @@ impl Model {
     pub fn is_free(&self, coordinate: usize) -> bool {
         let Some(base) = BASE.get(coordinate) else { return true };
         // Which of both has made it no row tells, and what roughness of the rows tells of it is nothing.
-        let is_of_effect = |tried: &Tried| MADE_OF == (base.name, tried.entry.name);
+        let is_of_effect =
+            |tried: &Tried| [MADE_OF, IN_ITS_PLACE].contains(&(base.name, tried.entry.effect()));
         base.is_free(&self.nominal) && !self.effects.iter().any(is_of_effect)
     }
 

@@ -24,7 +24,7 @@ pub(super) const SINCE_S: f64 = 0.05;
 /// Fewer rows tell no base, s.
 const LEAST_S: f64 = 2.0;
 /// What rows in motion say nothing of, as [`super::twin::BASE`] names it.
-const UNTOLD: &[&str] = &["fall_end", "fall_start"];
+const UNTOLD: &[&str] = &["fall_end", "fall_start", "presliding_way"];
 
 impl Problem<'_> {
     /// The same with the rows alone in which the axis moves; nothing where these are too few.

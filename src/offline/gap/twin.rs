@@ -8,6 +8,10 @@
 use super::forward::{CURRENT, DEFLECTION, FOLLOWING_ERROR};
 use crate::base::units::{Force, Velocity};
 use crate::plant::Parameters;
+use crate::plant::effects::{Entry, Values};
+
+/// The effect of which every guide has some: where a file knows it, it is of the base as friction is.
+const BRISTLES: &str = "presliding";
 
 /// What a simulation is run with.
 #[derive(Clone, Copy, Debug)]
@@ -118,8 +122,13 @@ impl Base {
     }
 }
 
+/// By which law the table of an axis gives way before it slides, if it does.
+pub(super) fn bristles_of(plant: &Parameters) -> Option<(&'static Entry, &Values)> {
+    plant.effects.present().find(|(entry, _)| entry.effect() == BRISTLES)
+}
+
 /// The base parameters, in the order of the coordinates.
-pub const BASE: [Base; 14] = [
+pub const BASE: [Base; 15] = [
     Base::filed(
         "mass",
         "kg",
@@ -255,6 +264,23 @@ pub const BASE: [Base; 14] = [
             0.5,
             |twin| twin.position_zero_steps,
             |twin, value| twin.position_zero_steps = value,
+        )
+    },
+    Base {
+        // Beyond a factor of two it is `presliding`.
+        reach: [-2.75, 2.75],
+        ..Base::filed(
+            "presliding_way",
+            "um",
+            0.25,
+            |twin| bristles_of(&twin.plant).map_or(0.0, |(_, values)| values[0]),
+            |twin, value| {
+                let bristles = bristles_of(&twin.plant).map(|(entry, values)| (entry, *values));
+                if let Some((entry, [_, second, third])) = bristles {
+                    let [low, high] = entry.parameters[0].bounds;
+                    twin.plant = twin.plant.with_effect(entry, [value.clamp(low, high), second, third]);
+                }
+            },
         )
     },
 ];

@@ -5,9 +5,11 @@
 
 use super::analysis::Analysis;
 use super::model::Model;
+use super::twin::bristles_of;
 use super::usual::is_usual;
 use crate::config::Machine;
 use crate::config::edit::{EditError, MachineFile};
+use crate::plant::Parameters;
 
 /// What notes are known by.
 const MARK: &str = "gap";
@@ -61,10 +63,15 @@ pub fn put(
                 file.set(&format!("{section}.{key}"), text.as_str())?;
             }
         }
-        let was = &axis.named.base.model.nominal;
-        for ((section, key, value), (.., before)) in
-            base(&model.model).into_iter().zip(base(&Model::new(*was)))
+        let was = Model::new(axis.named.base.model.nominal);
+        let filed = [&model.model, &was].map(way_um);
+        if let [Some((law, way_um)), Some((was_law, was_um))] = filed
+            && law == was_law
+            && (way_um - was_um).abs() > 1e-9 * was_um
         {
+            file.set(&format!("axis.{name}.effects.{law}.way-um"), rounded(way_um))?;
+        }
+        for ((section, key, value), (.., before)) in base(&model.model).into_iter().zip(base(&was)) {
             if (value - before).abs() > 1e-9 * before.abs() {
                 file.set(&format!("axis.{name}.{section}.{key}"), rounded(value))?;
             }
@@ -82,9 +89,19 @@ pub fn put(
     Ok(is_changed)
 }
 
+/// The plant of the base, without what effects add to it.
+fn plant_of_base(model: &Model) -> Parameters {
+    Model { effects: Vec::new(), ..model.clone() }.twin().plant
+}
+
+/// By which law a machine file has bristles, and over which way they give way in the base.
+fn way_um(model: &Model) -> Option<(&'static str, f64)> {
+    bristles_of(&plant_of_base(model)).map(|(law, values)| (law.name, values[0]))
+}
+
 /// Section, key and value of the base parameters, without what the effects add to them.
 fn base(model: &Model) -> [(&'static str, &'static str, f64); 11] {
-    let plant = Model { effects: Vec::new(), ..model.clone() }.twin().plant;
+    let plant = plant_of_base(model);
     let (mechanics, friction) = (&plant.mechanics, &plant.friction);
     [
         ("drive", "current-loop-hz", plant.actuator.current_loop_hz),
