@@ -113,9 +113,11 @@ impl Without {
         let is_worse = held_fall > HELD_FALL && is_sure;
         let entry = model.model.effects[place].entry;
         let is_rough = is_rough(&self.fitted, model, self.rough, rows[0]);
-        let is_plain = does_not_show_where_judged(entry, &self.fitted, model, [&self.blocks, blocks], rows);
         let amplitudes = telling(&model.model, place);
         let judged = LazyCell::new(|| judged::alone(problem, model, &amplitudes));
+        let are_silent = || crossed::is_silent(&judged);
+        let held = [&self.blocks, blocks];
+        let is_plain = does_not_show_where_judged(entry, are_silent, &self.fitted, model, held, rows);
         // Linear about the model with it, no other valley has a say.
         let is_foretold = || {
             held_fall > -HELD_FALL
