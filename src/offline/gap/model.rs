@@ -30,9 +30,11 @@ const GONE_FAR: f64 = 3.0;
 const OF_BASE: f64 = 0.05;
 /// A swing is one of once a turn where its period is so near to the lead, as a share.
 const ONCE_A_TURN: f64 = 3e-3;
-/// An effect, another that changes much the same, and the values of that one.
+/// What swings with the table is damped by no more where it is begun once more, %.
+const LIGHT: f64 = 3.0;
+/// An effect, another that changes much the same, or the same elsewhere, and the values of that one.
 type Alike = (&'static str, &'static str, fn(&Values) -> Values);
-const ALIKE: [Alike; 11] = [
+const ALIKE: [Alike; 12] = [
     ("actuator-delay", "current-loop-lag", |values| [values[0], 0.0, 0.0]),
     // Short beside the lag of the loop itself, a filter before it is nearer to a delay than a loop that is slower.
     ("actuator-delay", "current-loop-lag-filter", |values| [values[0], 0.0, 0.0]),
@@ -50,6 +52,8 @@ const ALIKE: [Alike; 11] = [
     // Which one a control has is told at the bottom alone.
     ("command-filter", "command-filter-by-rows", |values| *values),
     ("command-filter-by-rows", "command-filter", |values| *values),
+    // It is looked for so damped that it reaches half way to the next frequency, and a few steps do not lead to how damped it is.
+    ("resonance", "resonance", |[percent, hz, damping]| [*percent, *hz, damping.min(LIGHT)]),
 ];
 
 /// An effect with the values it is tried with.
@@ -156,15 +160,16 @@ impl Model {
     /// The same with each effect that is like its last one in that one's place, as large as it may be.
     pub fn with_last_as_alike(&self) -> impl Iterator<Item = Self> {
         let alike = |last: &Tried| {
-            let (of, values) = (last.entry.name, last.values);
-            let alike = ALIKE.iter().filter(move |(name, ..)| *name == of);
+            let Tried { entry: Entry { name: of, .. }, values: last } = *last;
+            let alike = ALIKE.iter().filter(move |(name, ..)| name == of);
             alike.filter_map(move |(_, other, to)| {
-                let (entry, mut values) = (entry(other)?, to(&values));
+                let (entry, mut values) = (entry(other)?, to(&last));
                 for (value, Parameter { bounds: [low, high], .. }) in values.iter_mut().zip(entry.parameters)
                 {
                     *value = value.clamp(*low, *high);
                 }
-                Some(Tried { entry, values })
+                let is_there = entry.name == *of && values == last;
+                (!is_there).then_some(Tried { entry, values })
             })
         };
         self.effects
@@ -471,5 +476,16 @@ mod tests {
         let grown = alone.with(tried("thermal-growth")).with_last_as_alike().next().expect("a scale");
         assert_eq!((grown.effects[0].entry.name, grown.effects[0].values[0]), ("scale-error", 700.0));
         assert_eq!(alone.with(tried("stribeck")).with_last_as_alike().count(), 0);
+    }
+
+    #[test]
+    fn what_swings_is_begun_once_more_where_it_is_damped_by_more_than_machines_are() {
+        let swinging = |damping: f64| {
+            let tried = Tried { entry: entry("resonance").expect("an effect"), values: [7.0, 42.0, damping] };
+            let model = Model::new(paper_axis()).with(tried);
+            model.with_last_as_alike().map(|other| other.effects[0].values).collect::<Vec<Values>>()
+        };
+        assert_eq!(swinging(15.0), [[7.0, 42.0, LIGHT]]);
+        assert!(swinging(2.5).is_empty(), "it is where it would begin");
     }
 }
