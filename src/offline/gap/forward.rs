@@ -259,10 +259,9 @@ pub fn without_counts(axis: &Axis) -> Axis {
     counting(axis, FINE_COUNTS_PER_REV)
 }
 
-/// The same axis with the counts of its motor, which its loops answer to.
-pub(super) fn with_counts_of_motor(axis: &Axis) -> Axis {
-    let per_rev = axis.plant.mechanics.lead_m / axis.scale.motor_resolution().as_m();
-    counting(axis, per_rev.round() as u32)
+/// The same axis with counts of its motor, which its loops answer to, and a table scale that resolves everything.
+pub(super) fn with_counts_of_motor(axis: &Axis, count: Position) -> Axis {
+    counting(axis, (axis.plant.mechanics.lead_m / count.as_m()).round() as u32)
 }
 
 fn counting(axis: &Axis, motor_counts_per_rev: u32) -> Axis {

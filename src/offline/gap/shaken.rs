@@ -97,15 +97,15 @@ impl Problem<'_> {
         self.with_data(Arc::new(self.data.iter().enumerate().map(of).collect()))
     }
 
-    /// That axis with its counts, where its loops answer to them with kicks.
+    /// The axis with the counts of its machine file, where its loops answer to them with kicks.
     fn counting_axis(&self) -> Option<Axis> {
-        let axis = &self.machine.axes[self.id];
-        let Parameters { mechanics, friction, .. } = &axis.plant;
-        let count_rad = axis.scale.motor_resolution().as_m() / mechanics.travel_per_rad_m();
+        let Parameters { mechanics, friction, .. } = &self.axis.plant;
+        let count = self.machine.axes[self.id].scale.motor_resolution();
+        let count_rad = count.as_m() / mechanics.travel_per_rad_m();
         let velocity = &self.machine.gains(self.id, self.gain_set).velocity;
         let kick_nm = velocity.proportional_nm_s_per_rad * count_rad / self.machine.cycle.period.as_s();
         let holds_nm = mechanics.torque_for_force(friction.sliding).as_nm();
-        (kick_nm > LEAST_PER_COUNT * holds_nm).then(|| with_counts_of_motor(axis))
+        (kick_nm > LEAST_PER_COUNT * holds_nm).then(|| with_counts_of_motor(&self.axis, count))
     }
 
     /// By how much the mean of a run is moved for a model.
@@ -222,6 +222,7 @@ mod tests {
     use crate::base::units::Position;
     use crate::config::{self, Machine};
     use crate::plant::effects::entry;
+    use crate::rt::drive::velocity::VelocityEstimate;
     use crate::rt::wire::scaling::{AxisScale, ScaleSettings, Sense};
 
     /// Draws that no problem makes by itself.
@@ -319,6 +320,10 @@ mod tests {
         assert!(none.is_empty(), "a count of it is no kick");
         let problem = creeping(&machine);
         let [moved, ..] = problem.moved_by_noise(0, &model).by;
+        let seeing = |estimate| creeping(&machine).seeing(estimate).counting_axis().expect("it counts");
+        for estimate in [VelocityEstimate::Difference, VelocityEstimate::SecondOrder] {
+            assert_eq!(seeing(estimate).velocity_estimate, estimate, "as its loops were seen to do");
+        }
         // Begun elsewhere within a count, with the counts of the machine.
         let (axis, plant, count) = (&machine.axes[AxisId::X], model.twin().plant, Position::um(1.0));
         let (every, course) = (machine.cycle.position_every, &problem.data[0].course);
