@@ -7,7 +7,7 @@
 //! Invariant: coordinates make a plant that `config` would accept.
 
 use super::forward::DEFLECTION;
-use super::twin::{BASE, Base, Twin};
+use super::twin::{BASE, BRISTLES, Base, Twin};
 use super::usual::is_usual;
 use crate::plant::Parameters;
 use crate::plant::effects::{Entry, Parameter, VALUES_MAX, Values, entry};
@@ -22,7 +22,7 @@ const AS_FAR: f64 = 0.35;
 /// What the base makes of an effect as far as it reaches: its parameter, N s/m, and the effect, N s/mm.
 const MADE_OF: (&str, &str) = ("viscous", "viscous-friction");
 /// Another parameter of the base, and the effect that stands in its place.
-const IN_ITS_PLACE: (&str, &str) = ("presliding_way", "presliding");
+const IN_ITS_PLACE: (&str, &str) = ("presliding_way", BRISTLES);
 /// More priors than this a base goes only to make up for something.
 const GONE_FAR: f64 = 3.0;
 /// How far an amplitude is from zero that the base makes up for, in coordinates. Left free, a gain of the velocity loop would take from

@@ -115,10 +115,14 @@ impl Problem<'_> {
             return Moved::default();
         }
         let axis = counting.unwrap_or(self.axis);
+        // What was written down more coarsely says nothing of counts.
+        let tells = counting.is_some() && self.position_step_m == 0.0;
+        let beside = tells.then(|| self.data[place].beside_counts(axis.scale.motor_resolution().as_m()));
+        let beside = beside.flatten();
         let plant = model.twin().plant;
         let here = self.shaken_as(place, &plant, || Current::ZERO);
         let draws = (0..PAIRS).into_par_iter().map(|draw| {
-            let both = self.both_ways(place, (&axis, &plant), self.shakes, draw);
+            let both = self.both_ways(place, (&axis, &plant, beside), self.shakes, draw);
             SIGNALS.map(|(.., pick)| bend(&here, &both, pick))
         });
         let draws: Vec<_> = draws.collect();
@@ -157,26 +161,24 @@ impl Problem<'_> {
         rms: Current,
         draw: usize,
     ) -> [Vec<f64>; SIGNALS.len()] {
-        let both = self.both_ways(place, (&self.axis, plant), rms, draw);
+        let both = self.both_ways(place, (&self.axis, plant, None), rms, draw);
         SIGNALS.map(|(.., pick)| {
             let [up, down] = both.each_ref().map(pick);
             up.iter().zip(down).map(|(up, down)| 0.5 * (up - down)).collect()
         })
     }
 
-    /// A run with noise, and with the same the other way; begun half a count on where nothing tells where its counts are.
+    /// A run with noise, and with the same the other way; begun half a count on where nothing tells how far beside counts its positions stand.
     fn both_ways(
         &self,
         place: usize,
-        (axis, plant): (&Axis, &Parameters),
+        (axis, plant, beside): (&Axis, &Parameters, Option<f64>),
         rms: Current,
         draw: usize,
     ) -> [Signals; 2] {
         let forgets = self.machine.cycle.period.as_s() / MEMORY_S;
         let loudness = ((2.0 - forgets) / forgets).sqrt();
         let (data, count) = (&self.data[place], axis.scale.motor_resolution());
-        // What was written down more coarsely says nothing of counts.
-        let beside = if self.position_step_m > 0.0 { None } else { data.beside_counts(count.as_m()) };
         [(loudness, 0), (-loudness, PAIRS)].map(|(loudness, further)| {
             let mut random = Pcg64Mcg::seed_from_u64((data.run * PAIRS + draw) as u64);
             let mut noise = 0.0;
@@ -270,7 +272,7 @@ mod tests {
             // As many other draws, one by one.
             let still = problem.shaken_as(0, &plant, || Current::ZERO);
             let all: Vec<[Signals; 2]> = OTHERS
-                .map(|draw| problem.both_ways(0, (&problem.axis, &plant), problem.shakes, draw))
+                .map(|draw| problem.both_ways(0, (&problem.axis, &plant, None), problem.shakes, draw))
                 .collect();
             let mean = |row: usize| {
                 let sum: f64 = all.iter().flatten().map(|one| one.following_error_m[row]).sum();

@@ -11,7 +11,7 @@ use crate::plant::Parameters;
 use crate::plant::effects::{Entry, Values};
 
 /// The effect of which every guide has some: where a file knows it, it is of the base as friction is.
-const BRISTLES: &str = "presliding";
+pub(super) const BRISTLES: &str = "presliding";
 
 /// What a simulation is run with.
 #[derive(Clone, Copy, Debug)]

@@ -5,11 +5,10 @@
 
 use super::analysis::Analysis;
 use super::model::Model;
-use super::twin::bristles_of;
+use super::twin::{BRISTLES, bristles_of};
 use super::usual::is_usual;
 use crate::config::Machine;
 use crate::config::edit::{EditError, MachineFile};
-use crate::plant::Parameters;
 
 /// What notes are known by.
 const MARK: &str = "gap";
@@ -64,13 +63,6 @@ pub fn put(
             }
         }
         let was = Model::new(axis.named.base.model.nominal);
-        let filed = [&model.model, &was].map(way_um);
-        if let [Some((law, way_um)), Some((was_law, was_um))] = filed
-            && law == was_law
-            && (way_um - was_um).abs() > 1e-9 * was_um
-        {
-            file.set(&format!("axis.{name}.effects.{law}.way-um"), rounded(way_um))?;
-        }
         for ((section, key, value), (.., before)) in base(&model.model).into_iter().zip(base(&was)) {
             if (value - before).abs() > 1e-9 * before.abs() {
                 file.set(&format!("axis.{name}.{section}.{key}"), rounded(value))?;
@@ -89,21 +81,11 @@ pub fn put(
     Ok(is_changed)
 }
 
-/// The plant of the base, without what effects add to it.
-fn plant_of_base(model: &Model) -> Parameters {
-    Model { effects: Vec::new(), ..model.clone() }.twin().plant
-}
-
-/// By which law a machine file has bristles, and over which way they give way in the base.
-fn way_um(model: &Model) -> Option<(&'static str, f64)> {
-    bristles_of(&plant_of_base(model)).map(|(law, values)| (law.name, values[0]))
-}
-
 /// Section, key and value of the base parameters, without what the effects add to them.
-fn base(model: &Model) -> [(&'static str, &'static str, f64); 11] {
-    let plant = plant_of_base(model);
+fn base(model: &Model) -> Vec<(String, &'static str, f64)> {
+    let plant = Model { effects: Vec::new(), ..model.clone() }.twin().plant;
     let (mechanics, friction) = (&plant.mechanics, &plant.friction);
-    [
+    let of_sections = [
         ("drive", "current-loop-hz", plant.actuator.current_loop_hz),
         ("mechanics", "mass-kg", mechanics.mass_kg),
         ("mechanics", "stiffness-n-per-um", 1e-6 * mechanics.stiffness_n_per_m),
@@ -115,7 +97,13 @@ fn base(model: &Model) -> [(&'static str, &'static str, f64); 11] {
         ("friction", "fall-end-mm-per-s", friction.fall_end.as_mm_per_s()),
         ("friction", "fall-start-mm-per-s", friction.fall_start.as_mm_per_s()),
         ("friction", "viscous-n-s-per-mm", 1e-3 * friction.viscous_n_s_per_m),
-    ]
+    ];
+    // Those of an effect that was named are written with it.
+    let is_named = model.effects.iter().any(|tried| tried.entry.effect() == BRISTLES);
+    let bristles = bristles_of(&plant).filter(|_| !is_named);
+    let of_bristles = bristles.map(|(law, values)| (format!("effects.{}", law.name), "way-um", values[0]));
+    let of_sections = of_sections.into_iter().map(|(section, key, value)| (section.to_owned(), key, value));
+    of_sections.chain(of_bristles).collect()
 }
 
 /// To so many digits as a value is worth.
@@ -125,4 +113,24 @@ fn rounded(value: f64) -> f64 {
     }
     let scale = 10_f64.powi(DIGITS - 1 - value.abs().log10().floor() as i32);
     (value * scale).round() / scale
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::model::Tried;
+    use super::*;
+    use crate::plant::effects::entry;
+    use crate::plant::tests::paper_axis;
+
+    #[test]
+    fn bristles_of_a_file_are_written_as_the_base_has_them_or_as_they_were_named() {
+        let presliding = entry("presliding").expect("an effect");
+        let mut model = Model::new(paper_axis().with_effect(presliding, [8.0, 0.0, 0.0]));
+        *model.base.last_mut().expect("the way of bristles") = 1.0;
+        let (section, key, way_um) = base(&model).pop().expect("parameters");
+        assert_eq!((section.as_str(), key), ("effects.presliding", "way-um"));
+        assert!((way_um - 8.0 * 0.25_f64.exp()).abs() < 1e-9, "{way_um} um");
+        let named = model.with(Tried { entry: presliding, values: [30.0, 0.0, 0.0] });
+        assert!(base(&named).iter().all(|(section, ..)| !section.starts_with("effects")));
+    }
 }
