@@ -9,8 +9,10 @@ mod plan;
 mod printed;
 mod record;
 
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 
 use anyhow::{Context, bail};
 use clap::{Args, Subcommand};
@@ -115,6 +117,28 @@ fn of_data(arguments: &Arguments) -> anyhow::Result<Outcome> {
     Ok(Outcome::Done)
 }
 
+/// What is being done: axes are asked side by side, and each says what it is at.
+#[derive(Default)]
+struct Doing(Mutex<BTreeMap<String, String>>);
+
+impl Doing {
+    /// With what somebody says now, all on a line: what is of no axis follows on what was.
+    fn with(&self, said: &str) -> String {
+        let mut axes = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        match said.split_once(": ") {
+            Some((axis, what)) if axis.starts_with("axis ") => {
+                axes.insert(axis.to_owned(), what.to_owned());
+                let all: Vec<String> = axes.iter().map(|(axis, what)| format!("{axis}: {what}")).collect();
+                all.join("; ")
+            }
+            _ => {
+                axes.clear();
+                said.to_owned()
+            }
+        }
+    }
+}
+
 /// What runs say of a machine.
 struct Gap<'m> {
     machine: &'m Machine,
@@ -130,9 +154,10 @@ impl<'m> Gap<'m> {
             eprintln!("repaired: {said}");
         }
         let bar = ProgressBar::new_spinner();
-        bar.set_style(ProgressStyle::with_template("{spinner} {msg} ({elapsed})")?);
+        bar.set_style(ProgressStyle::with_template("{spinner} {elapsed} {wide_msg}")?);
         bar.enable_steady_tick(std::time::Duration::from_millis(200));
-        let analysis = analyse(machine, &intake.runs, request, &|what| bar.set_message(what.to_owned()));
+        let doing = Doing::default();
+        let analysis = analyse(machine, &intake.runs, request, &|what| bar.set_message(doing.with(what)));
         bar.finish_and_clear();
         let names: Vec<&str> = intake.runs.iter().map(|run| run.name.as_str()).collect();
         let origin =

@@ -4,6 +4,7 @@
 
 use std::time::Instant;
 
+use rayon::prelude::*;
 use thiserror::Error;
 
 use super::asked::Asked;
@@ -163,9 +164,9 @@ pub fn analyse<'m>(
             let gains = (gain_set, request.gains.is_some(), matches.as_slice());
             Asked::of(machine, runs, &repeats, *id, gains, &phases, progress)
         };
-        ids.iter().zip(&explained).map(of).collect()
+        ids.par_iter().zip(&explained).map(of).collect()
     };
-    let named = |all: Vec<Asked<'m>>| all.into_iter().map(|one| axis(machine, one, progress)).collect();
+    let named = |all: Vec<Asked<'m>>| all.into_par_iter().map(|one| axis(machine, one, progress)).collect();
     let again = |behind: &[Behind]| {
         progress("somebody turned the feed: again without what was there");
         of_all(&Behind::without(behind, runs))
@@ -241,5 +242,6 @@ fn axis<'m>(
     let verdict = verdict(&named, &gap, rest.is_some(), is_told);
     let of = |place| consequence(&problem, &named.model.model, place);
     let consequences = (0..named.effects.len()).map(of).collect();
+    say("done");
     AxisGap { id, problem, controller, named, verdict, rest, located, runs_left, gap, consequences }
 }
