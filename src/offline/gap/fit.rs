@@ -22,15 +22,19 @@ use super::steps::Steps;
 use super::twin::BASE;
 use crate::plant::effects::Parameter;
 
-/// Damping at the start, by how much it falls and grows, and how often it may grow before a step is given up.
-const DAMPING: (f64, f64, usize) = (1e-3, 6.0, 6);
+/// Damping at the start, by how much it falls and grows, and how often it may grow before a step is given up: the first by new derivatives,
+/// and a further one by the same.
+const DAMPING: (f64, f64, [usize; 2]) = (1e-3, 6.0, [6, 2]);
 /// No step is further, in coordinates.
 const FURTHEST: f64 = 1.5;
 /// Most steps with the same derivatives, and the share of what the first gained that makes another one worth it.
 const PASSES: usize = 6;
 const WORTH: f64 = 0.1;
-/// Share of what is enough to go on that a first one must promise: a step may gain somewhat more than derivatives say.
+/// Share of what makes a step worth it that derivatives must promise: it may gain somewhat more than they say.
 const PROMISED: f64 = 0.5;
+/// Share of what is enough to go on that the next iteration of a coarse fit must gain, if it gains as much less than this one as this one did
+/// than the one before: what closes in so fast has come to its end.
+const NEXT: f64 = 0.3;
 /// Share of the rows that may be events of stick and slip: where more are beyond the knee of `ρ` the model is off. And by
 /// how much the knee must come nearer to make it another fit.
 const EVENTS: f64 = 0.01;
@@ -119,14 +123,17 @@ fn by_steps(
     let mut model = start.clone();
     let mut damping = DAMPING.0;
     let mut left = residuals(problem, &model, Part::Fit);
-    let enough = |total: f64| match effort {
-        Effort::Coarse(_) => ENOUGH.0[usize::from(!start.is_base())] * rows as f64 * scale(total, rows),
+    let enough_of = |share: f64, total: f64| match effort {
+        Effort::Coarse(_) => share * rows as f64 * scale(total, rows),
         Effort::Fine => ENOUGH.1 * scale(total, rows),
     };
+    let enough = |total: f64| enough_of(ENOUGH.0[usize::from(!start.is_base())], total);
     // Far from the minimum all rows are far off: they count by their square until they are near.
     let mut knee = knee(&left);
     let mut covariance = DMatrix::zeros(model.coordinate_count(), model.coordinate_count());
     let (mut kicked, mut idle, mut has_ended) = (0, 0, false);
+    // Of the iteration before, with the same knee.
+    let mut gained_before = 0.0;
     for _ in 0..iterations {
         let loss = Loss::bounded(knee);
         let mut total = sum(&left, loss) + believed(&model);
@@ -147,11 +154,18 @@ fn by_steps(
                 }
             }
             // At a bottom nothing need be tried to know it.
-            if effort == Effort::Fine && pass == 0 && equations.promise() < PROMISED * enough(total) {
+            let worth_it = match pass {
+                0 => enough_of(ENOUGH.0[0], total),
+                // Far off, what a base gains so is little beside the first and much by itself.
+                _ if start.is_base() => 0.0,
+                _ => WORTH * first_gain,
+            };
+            if equations.promise() < PROMISED * worth_it {
                 break;
             }
+            let tries = DAMPING.2[usize::from(pass > 0)];
             let Some((other, other_left, other_total)) =
-                stepped(problem, &model, &equations, total, loss, &mut damping)
+                stepped(problem, &model, &equations, (total, loss), (&mut damping, tries))
             else {
                 break;
             };
@@ -172,16 +186,19 @@ fn by_steps(
         }
         let nearer = self::knee(&left);
         if nearer < NEARER * knee {
-            knee = nearer;
+            (knee, gained_before) = (nearer, 0.0);
             continue;
         }
-        let is_little = gained < enough(total);
+        let closes_in = effort != Effort::Fine && gained * gained < NEXT * enough(total) * gained_before;
+        gained_before = gained;
+        let is_little = gained < enough(total) || closes_in;
         idle = if is_little { idle + 1 } else { 0 };
         // What derivatives over wide steps do not gain, those over narrow ones may.
         let is_over = is_little && (effort != Effort::Fine || was_fine || idle > IDLE);
         if is_over {
-            // A minimum among rough ones: another may lie along the valley.
-            let may_be_kicked = effort == Effort::Fine && kicked < KICKED;
+            // A minimum among rough ones: another may lie along the valley. What leaves no more than noise is held up nowhere.
+            let is_noise = sum(&left, Loss::LAST) <= rows as f64;
+            let may_be_kicked = effort == Effort::Fine && kicked < KICKED && !is_noise;
             let kicks = || best_of(problem, &kicked_from(&model, &covariance), loss);
             let deeper = may_be_kicked.then(kicks).flatten();
             let deeper = deeper.filter(|(.., other_total)| total - other_total >= enough(total));
@@ -238,12 +255,11 @@ fn stepped(
     problem: &Problem<'_>,
     model: &Model,
     equations: &Normal,
-    total: f64,
-    loss: Loss,
-    damping: &mut f64,
+    (total, loss): (f64, Loss),
+    (damping, tries): (&mut f64, usize),
 ) -> Option<(Model, Vec<Residual>, f64)> {
     let at = model.coordinates();
-    let (_, factor, tries) = DAMPING;
+    let factor = DAMPING.1;
     for _ in 0..tries {
         let mut damped = equations.curvature.clone();
         for place in 0..damped.nrows() {

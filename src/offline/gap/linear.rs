@@ -26,6 +26,8 @@ pub const K: f64 = 4.0;
 pub const BLOCK_S: f64 = 0.25;
 /// Fewer runs do not tell how much they differ.
 const RUNS: usize = 5;
+/// Of a coordinate that nothing tells.
+const LEAST_CURVATURE: f64 = 1e-12;
 
 /// How much a row counts: its square up to a knee, and beyond it less.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -310,9 +312,14 @@ impl Normal {
         sum
     }
 
-    /// By how much a step to where all is linear lowers the cost; without bound where no such place is known.
+    /// By how much a step to where all is linear lowers the cost; without bound where nobody knows such a place. A coordinate that moves nothing
+    /// promises nothing.
     pub(super) fn promise(&self) -> f64 {
-        self.curvature.clone().cholesky().map_or(f64::INFINITY, |of| self.slope.dot(&of.solve(&self.slope)))
+        let mut curvature = self.curvature.clone();
+        for place in 0..curvature.nrows() {
+            curvature[(place, place)] = curvature[(place, place)].max(LEAST_CURVATURE);
+        }
+        curvature.cholesky().map_or(f64::INFINITY, |of| self.slope.dot(&of.solve(&self.slope)))
     }
 
     /// The same with what is believed of each coordinate beforehand.
@@ -402,8 +409,9 @@ mod tests {
         };
         let [cost, promised] = promise(&[Some(&column)]);
         assert!((promised - cost).abs() < 1e-9 && cost == 900.0, "{promised} of {cost}");
-        // Nobody knows where a step leads that nothing holds back.
-        assert_eq!(promise(&[Some(&column), None])[1], f64::INFINITY);
+        // A coordinate that nothing tells promises nothing.
+        let [_, beside] = promise(&[Some(&column), None]);
+        assert!((beside - promised).abs() < 1e-9, "{beside}");
     }
 
     #[test]

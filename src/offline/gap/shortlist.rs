@@ -358,7 +358,7 @@ fn slopes<'r>(
     for (place, column) in columns.enumerate() {
         for (pulls, column) in pulls.iter().zip(column.into_iter().flatten()) {
             for (number, (pulls, by)) in pulls.chunks(block).zip(column.chunks(block)).enumerate() {
-                slopes[(place, number)] += pulls.iter().zip(by).map(|(a, b)| a * b).sum::<f64>();
+                slopes[(place, number)] += product(pulls, by);
             }
         }
     }
