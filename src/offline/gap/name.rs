@@ -310,7 +310,9 @@ pub fn name<'m>(
     }
     effects.extend(told.named);
     refused.extend(told.refused);
-    smallest.retain(|one| effects.iter().all(|named| named.name != one.name));
+    let names: Vec<&str> = effects.iter().map(|named| named.name).collect();
+    effects.iter_mut().for_each(|named| named.apart_from(&names));
+    smallest.retain(|one| !names.contains(&one.name));
     let [base, model] = without_little(&problem, &mut effects, [base, told.model]);
     let (blocks, rows) = ([&base, &model].map(|of| Blocks::new(&problem, &of.model)), problem.counts());
     (Named { clocks_behind_s, base, model, blocks, effects, refused, smallest, rows }, problem)

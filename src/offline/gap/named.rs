@@ -83,6 +83,14 @@ impl NamedEffect {
         Some(best)
     }
 
+    /// What is named beside it explains something else, and is none of its class.
+    pub(super) fn apart_from(&mut self, named: &[&str]) {
+        let name = self.name;
+        self.class.retain(|(one, _)| one.name() == name || !named.contains(&one.name()));
+        let all: f64 = self.class.iter().map(|(_, weight)| weight).sum();
+        self.class.iter_mut().for_each(|(_, weight)| *weight /= all);
+    }
+
     /// Its class with the values of each, the best first.
     pub(super) fn tried(&self) -> impl Iterator<Item = &Tried> {
         self.class.iter().filter_map(|(candidate, _)| candidate.fitted.model.effects.last())
@@ -108,4 +116,20 @@ pub(super) fn is_alias(name: &str, other: &str) -> bool {
         (entry.name == name && entry.aliases.contains(&other))
             || (entry.name == other && entry.aliases.contains(&name))
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::near::tests::candidate;
+    use super::*;
+
+    #[test]
+    fn what_is_named_beside_an_effect_is_no_other_explanation_of_it() {
+        let members = [("torque-ripple", 0.375), ("backlash", 0.125), ("reversal-compensation", 0.5)];
+        let class = members.map(|(name, weight)| (candidate(name, 1_000.0), weight)).to_vec();
+        let mut named = NamedEffect { name: "torque-ripple", class, runner_up: None };
+        named.apart_from(&["torque-ripple", "reversal-compensation"]);
+        let left: Vec<(&str, f64)> = named.class.iter().map(|(one, weight)| (one.name(), *weight)).collect();
+        assert_eq!(left, [("torque-ripple", 0.75), ("backlash", 0.25)]);
+    }
 }

@@ -207,7 +207,7 @@ impl NamedEffect {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use std::sync::Arc;
 
     use nalgebra::DMatrix;
@@ -222,7 +222,7 @@ mod tests {
     use crate::plant::tests::paper_axis;
 
     /// A candidate that explains all of it but so much, with an effect.
-    fn candidate(name: &str, left: f64) -> Candidate {
+    pub(in super::super) fn candidate(name: &str, left: f64) -> Candidate {
         let tried = Tried { entry: entry(name).expect("an effect"), values: [1.0, 40.0, 0.0] };
         let model = Model::new(paper_axis()).with(tried);
         let fitted = Fitted { model, cost: left, total: left, covariance: DMatrix::identity(1, 1) };
