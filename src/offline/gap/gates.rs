@@ -322,6 +322,11 @@ fn is_of_formulation(tried: &Tried, period_s: f64) -> bool {
     size < least || (unit == "us" && 1e-6 * size < OF_CYCLE * period_s)
 }
 
+/// Whether rows that judge are sure by themselves that an amplitude is there, however few of them say so.
+pub(super) fn bear_out(judged: &[Judged]) -> bool {
+    judged.iter().any(|one| one.is_more_than(ALONE[1], ALONE_SHARE))
+}
+
 /// Whether rows that judge say that an amplitude is there, or nothing.
 pub(super) fn does_not_speak_against(judged: &[Judged]) -> bool {
     crossed::is_silent(judged) || judged.iter().any(|one| one.is_more_than(SAID, ALONE_SHARE))

@@ -7,7 +7,7 @@ use std::cell::LazyCell;
 use super::blocks::Blocks;
 use super::crossed;
 use super::fit::{Effort, Fitted, fit, scale};
-use super::gates::{FALL, HELD_FALL, does_not_show_where_judged, does_not_speak_against, telling};
+use super::gates::{FALL, HELD_FALL, bear_out, does_not_show_where_judged, does_not_speak_against, telling};
 use super::judged;
 use super::louder::Louder;
 use super::model::{FALLS, Model};
@@ -109,12 +109,17 @@ impl Without {
         let explained = self.fitted.total - model.total;
         let fall = explained / scale(model.cost, rows[0]) - parameters * (rows[0] as f64).ln();
         let held_fall = (self.blocks.cost() - blocks.cost()) / scale(blocks.cost(), rows[1]);
-        let is_sure = self.blocks.is_surely_worse_than(blocks) || self.blocks.is_worse_in_many_than(blocks);
-        let is_worse = held_fall > HELD_FALL && is_sure;
         let entry = model.model.effects[place].entry;
         let is_rough = is_rough(&self.fitted, model, self.rough, rows[0]);
         let amplitudes = telling(&model.model, place);
         let judged = LazyCell::new(|| judged::alone(problem, model, &amplitudes));
+        // Where a table sticks, a slip that comes at another moment may outweigh in many draws what all other rows want.
+        let is_sure = || {
+            self.blocks.is_surely_worse_than(blocks)
+                || self.blocks.is_worse_in_many_than(blocks)
+                || bear_out(&judged)
+        };
+        let is_worse = held_fall > HELD_FALL && is_sure();
         let are_silent = || crossed::is_silent(&judged);
         let held = [&self.blocks, blocks];
         let is_plain = does_not_show_where_judged(entry, are_silent, &self.fitted, model, held, rows);
