@@ -175,11 +175,19 @@ fn is_more_than_laws_differ(with: &Model, without: &Model, fastest: Velocity) ->
     (with_n - without_n).abs() > NOTICEABLE * with.friction.sliding.as_n()
 }
 
-/// Whether the first of two models leaves more of a signal than the second, as it was measured: what is always there is slow, and
-/// whitened rows hardly show it.
+/// Whether the first of two models leaves more of a signal than the second, as it was measured, and of all together: what is always there is
+/// slow, and whitened rows hardly show it.
 fn is_louder(problem: &Problem<'_>, models: [&Model; 2]) -> bool {
-    let [with, without] = models.map(|model| problem.rms_left(model, Part::Held));
-    with.iter().zip(without).any(|(with, without)| with * with > LOUDER * without * without)
+    let all: Vec<[f64; 2]> = {
+        let [with, without] = models.map(|model| problem.rms_left(model, Part::Held));
+        let in_floors = |signal: usize| {
+            let floor = problem.floor(signal, Part::Held)?;
+            Some([with[signal], without[signal]].map(|rms| (rms / floor).powi(2)))
+        };
+        (0..with.len()).filter_map(in_floors).collect()
+    };
+    let [with, without] = [0, 1].map(|which| all.iter().map(|powers| powers[which]).sum::<f64>());
+    with > without && all.iter().any(|[with, without]| *with > LOUDER * without)
 }
 
 /// The same model where a constant force beside a spring is that of the spring: of the two only the sum is known, and one name says
