@@ -201,7 +201,7 @@ fn sensors(source: &mut Random, plant: &Plant) -> Sensors {
     let working = (friction + plant.inertia_total() / plant.travel_per_rad()) / plant.torque_constant;
     Sensors {
         // Whole counts per turn and per millimetre.
-        motor_count: plant.lead / (plant.lead / log_uniform(source, 1e-9, 0.3e-6)).round(),
+        motor_count: plant.lead / (plant.lead / log_uniform(source, 1e-9, 1e-6)).round(),
         table_count: 1e-3 / (1e-3 / log_uniform(source, 1e-9, 1e-6)).round(),
         table_noise: log_uniform(source, 20e-9, 0.2e-6),
         table_noise_time: log_uniform(source, 2e-3, 0.2),
