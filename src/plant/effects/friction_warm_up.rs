@@ -16,7 +16,8 @@ pub(super) const ENTRY: Entry = Entry {
     summary: "friction that falls as the axis gets warm",
     equation: "F(v) (1 - a (1 - exp(-t / T)))",
     parameters: &[
-        Parameter::new("drop-percent", "%", [-90.0, 90.0], 25.0, 20.0),
+        // A hundredth is what two laws of friction differ by.
+        Parameter::new("drop-percent", "%", [-90.0, 90.0], 25.0, 20.0).at_least(1.0),
         Parameter::new("time-constant-s", "s", [10.0, 36_000.0], 1_800.0, 1_200.0),
     ],
     coordinate: Coordinate::Time,
