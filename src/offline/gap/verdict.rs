@@ -26,6 +26,8 @@ const PLAIN: f64 = 1.0;
 const CLOSED: f64 = 0.75;
 /// A gap that is so much more than noise, in units of its power, is made no wider by a name.
 const WIDE: f64 = 0.5;
+/// What is as wide to a hundredth is no wider: rows that judge say nothing of it.
+const WIDER: f64 = 1.01;
 /// So many names that were searched for come near anything, as a series does, and must close more of it: a cable chain was a
 /// pitch error, a stiffness and a friction that change along the axis, to 83 %.
 const MANY: usize = 3;
@@ -137,7 +139,7 @@ pub(super) fn closes_little(gap: &[SignalGap]) -> bool {
 /// what is slow, as from a friction that falls for seconds where oil comes in.
 pub(super) fn widens(gap: &[SignalGap]) -> bool {
     let [before, after] = excess_of_all(gap);
-    before > WIDE && after > before
+    before > WIDE && after > WIDER * before
 }
 
 /// An rms also counts what is slow, which passes do not repeat.
@@ -317,6 +319,7 @@ mod tests {
         assert!(widens(&gap(&[[0.8, 0.82], [1.36, 1.4]])));
         assert!(!widens(&gap(&[[0.8, 0.82], [1.18, 1.2]])));
         assert!(!widens(&gap(&[[0.8, 0.82], [1.4, 1.36]])));
+        assert!(!widens(&gap(&[[0.8, 0.82], [1.36, 1.3605]])), "as wide");
     }
 
     #[test]
