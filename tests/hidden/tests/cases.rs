@@ -144,13 +144,16 @@ fn forms_are_the_same_motions_with_other_starts_ends_and_clocks() {
             "{name} is not in the session at {begin} s"
         );
     }
-    // Just switched on it leans on nothing, and loops answer to a count of its encoder; in one go friction holds it where the last way ended.
+    // Just switched on it leans on nothing; in one go friction holds it where the last way ended. In the middle of some rows, for loops answer to
+    // a count of its encoder in one of them.
     let current = |form: &[(String, Vec<Vec<f64>>)]| {
         let rows = &form[1].1;
         let at = rows[0].len() - 1;
-        (rows[..8].iter().map(|row| row[at]).sum::<f64>() / 8.0).abs()
+        let mut first: Vec<f64> = rows[..9].iter().map(|row| row[at]).collect();
+        first.sort_by(f64::total_cmp);
+        first[4].abs()
     };
-    assert!(current(&rests) > 5.0 * current(&apart), "{} A of {} A", current(&rests), current(&apart));
+    assert!(current(&rests) > 10.0 * current(&apart), "{} A of {} A", current(&rests), current(&apart));
 }
 
 #[test]
