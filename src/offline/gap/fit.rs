@@ -15,7 +15,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::kicks::{best_of, kicked_from};
-use super::linear::{BLOCK_S, K, Linear, Loss, Normal, residuals};
+use super::linear::{BLOCK_S, K, LEAST_CURVATURE, Linear, Loss, Normal, residuals};
 use super::model::Model;
 use super::problem::{Part, Problem, Residual};
 use super::steps::Steps;
@@ -197,8 +197,8 @@ fn by_steps(
         let is_over = is_little && (effort != Effort::Fine || was_fine || idle > IDLE);
         if is_over {
             // A minimum among rough ones: another may lie along the valley. What leaves no more than noise is held up nowhere.
-            let is_noise = sum(&left, Loss::LAST) <= rows as f64;
-            let may_be_kicked = effort == Effort::Fine && kicked < KICKED && !is_noise;
+            let may_be_kicked =
+                effort == Effort::Fine && kicked < KICKED && sum(&left, Loss::LAST) > rows as f64;
             let kicks = || best_of(problem, &kicked_from(&model, &covariance), loss);
             let deeper = may_be_kicked.then(kicks).flatten();
             let deeper = deeper.filter(|(.., other_total)| total - other_total >= enough(total));
@@ -263,7 +263,7 @@ fn stepped(
     for _ in 0..tries {
         let mut damped = equations.curvature.clone();
         for place in 0..damped.nrows() {
-            damped[(place, place)] += *damping * damped[(place, place)].max(1e-12);
+            damped[(place, place)] += *damping * damped[(place, place)].max(LEAST_CURVATURE);
         }
         if let Some(other) = moved(model, &at, damped, &equations.slope) {
             let (left, other_total) = left_by(problem, &other, loss);

@@ -27,7 +27,7 @@ pub const BLOCK_S: f64 = 0.25;
 /// Fewer runs do not tell how much they differ.
 const RUNS: usize = 5;
 /// Of a coordinate that nothing tells.
-const LEAST_CURVATURE: f64 = 1e-12;
+pub(super) const LEAST_CURVATURE: f64 = 1e-12;
 
 /// How much a row counts: its square up to a knee, and beyond it less.
 #[derive(Clone, Copy, Debug, PartialEq)]
