@@ -4,10 +4,12 @@
 //! Invariant: what is named beside it is named as before, and the model that is compared with the base has it too.
 
 use super::fit::{Effort, Fitted, fit, total_of};
-use super::model::{Model, Tried};
+use super::model::{FALLS, Model, Tried};
 use super::named::NamedEffect;
 use super::problem::Problem;
+use crate::base::units::Velocity;
 use crate::plant::effects::{Values, warmed_share};
+use crate::plant::friction;
 
 /// A friction that is still on its way when the runs end, and changes by less until then, and in a second, is an axis that gets warm or
 /// cold as all do.
@@ -22,6 +24,8 @@ const FAR: f64 = 30.0;
 const EVEN: f64 = 0.8;
 /// Ways over which a guide gives way that sticks, um, by law: half of what holds it is there after the same way.
 const STICKS: [(&str, f64); 2] = [("presliding", 0.2), ("presliding-with-memory", 0.4)];
+/// By how many times a file may have the velocity wrong at which its friction has fallen.
+const FALL_OFF: f64 = 2.0;
 
 /// A change of friction that is too little for a name, as shares of it.
 struct Little {
@@ -42,15 +46,17 @@ pub(super) fn without_little(
     named: &mut Vec<NamedEffect>,
     [base, model]: [Fitted; 2],
 ) -> [Fitted; 2] {
-    let end_s = problem.spans_s().into_iter().map(|[_, end_s]| end_s).fold(0.0, f64::max);
+    let end_s = end_s(problem);
     let (known, all) = (named.len(), model.model.effects.len());
     let is_little = |place: &usize| {
-        if named[*place].tried().any(is_stick) || is_stick(&model.model.effects[*place]) {
+        let tried = &model.model.effects[*place];
+        let sticks = named[*place].tried().any(is_stick) || is_stick(tried);
+        if sticks || is_of_the_fall(tried, &model.model.nominal.friction) {
             return true;
         }
         let longest_s = model.effect(*place).get(1).map_or(0.0, |(_, _, [_, longest_s])| *longest_s);
         let explains_as_steady = || explains_as_steady(problem, &model, *place, end_s);
-        is_drift(&model.model.effects[*place], longest_s, end_s, &explains_as_steady)
+        is_drift(tried, longest_s, end_s, &explains_as_steady)
     };
     let (little, staying): (Vec<usize>, Vec<usize>) = (0..known).partition(is_little);
     if little.is_empty() {
@@ -62,9 +68,28 @@ pub(super) fn without_little(
     [if named.is_empty() { model.clone() } else { base }, model]
 }
 
+/// When the last run ends.
+fn end_s(problem: &Problem<'_>) -> f64 {
+    problem.spans_s().into_iter().map(|[_, end_s]| end_s).fold(0.0, f64::max)
+}
+
+/// Whether an effect is a friction that changes little until the runs end and is still on its way then. Of such a way no rows tell how
+/// long it is, and bounds of its size say nothing.
+pub(super) fn is_on_its_way(problem: &Problem<'_>, tried: &Tried) -> bool {
+    let end_s = end_s(problem);
+    is_drift(tried, tried.values[1], end_s, &|| 0.0)
+}
+
 /// Whether an effect is a guide that hardly gives way before it slides.
 pub(super) fn is_stick(tried: &Tried) -> bool {
     tried.values[0] < least_with_a_name(tried.entry.name)
+}
+
+/// Whether an effect is a friction that has mostly fallen where that of the file may fall yet, which is that of the base by another shape.
+fn is_of_the_fall(tried: &Tried, law: &friction::Parameters) -> bool {
+    tried.entry.name == FALLS
+        && law.breakaway > law.sliding
+        && Velocity::mm_per_s(tried.values[1]) < law.fall_end * FALL_OFF
 }
 
 /// The amplitude from which an effect has a name, however plain less of it is; nothing where any has.
@@ -102,6 +127,7 @@ fn explains_as_steady(problem: &Problem<'_>, model: &Fitted, place: usize, end_s
 mod tests {
     use super::*;
     use crate::plant::effects::entry;
+    use crate::plant::tests::paper_axis;
 
     #[test]
     fn guides_that_give_way_by_tenths_of_a_micrometre_stick() {
@@ -114,6 +140,23 @@ mod tests {
         ] {
             let tried = Tried { entry: entry(name).expect("an effect"), values: [way_um, 1.5, 0.0] };
             assert_eq!(is_stick(&tried), sticks, "{name} of {way_um} um");
+        }
+    }
+
+    #[test]
+    fn a_friction_that_falls_before_the_law_does_is_of_its_fall() {
+        let law = paper_axis().friction;
+        let straight = friction::Parameters { breakaway: law.sliding, ..law };
+        let end_mm_per_s = law.fall_end.as_mm_per_s();
+        for (name, times, law, is) in [
+            ("stribeck", 1.8, law, true),
+            ("stribeck", 2.2, law, false),
+            ("stribeck", 0.9, straight, false),
+            ("friction-warm-up", 0.9, law, false),
+        ] {
+            let entry = entry(name).expect("an effect");
+            let tried = Tried { entry, values: [66.0, times * end_mm_per_s, 2.0] };
+            assert_eq!(is_of_the_fall(&tried, &law), is, "{name}, {times} of the end of the fall");
         }
     }
 

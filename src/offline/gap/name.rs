@@ -202,12 +202,14 @@ pub fn name<'m>(
         // gained is what is lost again without it, from here.
         let put_to_the_test = |problem: &Problem<'m>, once: &Problem<'m>, model: &Fitted, blocks: &Blocks| {
             let (test, need) = Without::of_last(problem, once, (model, blocks), [start, &coarse.model]);
-            let lost = gates::lost_at(model).or((need == Need::None).then_some(Gate::Needed));
+            let lost = gates::lost_at(problem, model).or((need == Need::None).then_some(Gate::Needed));
             (test, need, lost)
         };
         let (mut test, mut need, mut lost) = put_to_the_test(&problem, &once, &model, &blocks);
         // Rows that judge may deny it as they count, and as noise moves means, about a base that lacks it.
-        if lost == Some(Gate::Needed) && explains(ASKED_AGAIN, &model, &test.fitted) {
+        let is_worth_it =
+            explains(ASKED_AGAIN, &model, &test.fitted) || best.evidence > ASKED_AGAIN * rows as f64;
+        if lost == Some(Gate::Needed) && is_worth_it {
             let near = beside(&problem, &model.model);
             let (near_once, other) = (near.first_passes(), to_the_bottom(&near, &model));
             let of_other = Blocks::new(&near, &other.model);

@@ -153,6 +153,19 @@ impl Near {
         if let Some(less) = ends.iter().position(is_doubted) {
             ends[..=less].rotate_right(1);
         }
+        // At its bound it is on its way to what explains most of it as well.
+        let gained = |end: &Fitted| without.total - end.total;
+        let is_at_bound = |end: &Fitted| end.is_at_bound(end.model.effects.len() - 1);
+        let is_beyond = |(_, end): &(Candidate, Fitted)| {
+            let mut alike = ends[0].1.model.with_last_as_alike();
+            !is_at_bound(end)
+                && gained(end) > (1.0 - ROUGHLY) * gained(&ends[0].1)
+                && alike.any(|other| other.last_effect() == end.model.last_effect())
+        };
+        let beyond = if is_at_bound(&ends[0].1) { ends.iter().position(is_beyond) } else { None };
+        if let Some(other) = beyond {
+            ends[..=other].rotate_right(1);
+        }
         let (best, model) = (ends[0].0.name(), ends[0].1.clone());
         let beside = Beside::of(&model, without.total - model.total, rows, held);
         // What no data tell apart ends elsewhere by chance, and so does by a little what was near before, unless rows that judge say so
@@ -223,9 +236,11 @@ pub(super) mod tests {
 
     /// A candidate that explains all of it but so much, with an effect.
     pub(in super::super) fn candidate(name: &str, left: f64) -> Candidate {
-        let tried = Tried { entry: entry(name).expect("an effect"), values: [1.0, 40.0, 0.0] };
+        let tried = Tried { entry: entry(name).expect("an effect"), values: [1.0, 20.0, 0.0] };
         let model = Model::new(paper_axis()).with(tried);
-        let fitted = Fitted { model, cost: left, total: left, covariance: DMatrix::identity(1, 1) };
+        let count = model.coordinate_count();
+        let covariance = DMatrix::identity(count, count) * 1e-6;
+        let fitted = Fitted { model, cost: left, total: left, covariance };
         Candidate { fitted, held: 0.0, evidence: 90_000.0 - left, failed: Vec::new() }
     }
 
@@ -238,6 +253,21 @@ pub(super) mod tests {
         let found = Near::of((near, 0.0), &own, &|fitted| fitted.total, &without, 1_000);
         let class: Vec<(&str, f64)> = found.class.iter().map(|one| (one.name(), one.fitted.total)).collect();
         assert_eq!(class, [("backlash", 1_005.0)], "and a number more is worth more than five units");
+    }
+
+    #[test]
+    fn what_is_on_its_way_to_another_comes_after_it() {
+        let without = candidate("backlash", 90_000.0).fitted;
+        let class = |softness: f64, left: f64| -> Vec<&str> {
+            let mut near = vec![candidate("soft-zone", 1_000.0), candidate("backlash", left)];
+            near[0].fitted.model.effects[0].values[0] = softness;
+            let own = |candidate: &Candidate| candidate.fitted.clone();
+            let found = Near::of((near, 0.0), &own, &|fitted| fitted.total, &without, 1_000);
+            found.class.iter().map(Candidate::name).collect()
+        };
+        assert_eq!(class(60.0, 1_200.0), ["soft-zone", "backlash"]);
+        assert_eq!(class(84.95, 1_200.0), ["backlash", "soft-zone"]);
+        assert_eq!(class(84.95, 20_000.0), ["soft-zone"], "it leaves much more");
     }
 
     #[test]
