@@ -36,6 +36,8 @@ pub(super) struct Next {
     /// How much less it explains, in units of the logarithm of probability, twice.
     behind: f64,
     failed: Vec<Gate>,
+    /// Whether it explains as much, and only takes more numbers.
+    is_as_good: bool,
 }
 
 /// Runs that the file without the effect would have to foretell as well as with it.
@@ -66,7 +68,8 @@ impl fmt::Display for Effect {
 
 impl Next {
     pub(super) fn new(next: &RunnerUp) -> Self {
-        Self { name: next.name, behind: next.behind, failed: next.failed.clone() }
+        let RunnerUp { name, behind, ref failed, is_as_good } = *next;
+        Self { name, behind, failed: failed.clone(), is_as_good }
     }
 }
 
@@ -74,7 +77,9 @@ impl fmt::Display for Next {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(out, "not {}:", self.name)?;
         let mut reasons: Vec<String> = self.failed.iter().map(|gate| format!("it {gate}")).collect();
-        if self.behind > 0.0 {
+        if self.is_as_good {
+            reasons.push("it explains as much, but with more numbers".to_owned());
+        } else if self.behind > 0.0 {
             reasons.push(format!("it explains less, by {:.0} units of chi square", self.behind));
         }
         write!(out, " {}", reasons.join(", "))
@@ -202,8 +207,13 @@ mod tests {
 
     #[test]
     fn what_is_not_named_is_said_with_its_reason() {
-        let next = |behind: f64, failed: Vec<Gate>| Next { name: "spring-load", behind, failed }.to_string();
+        let told = |behind: f64, failed: Vec<Gate>, is_as_good: bool| {
+            Next { name: "spring-load", behind, failed, is_as_good }.to_string()
+        };
+        let next = |behind, failed| told(behind, failed, false);
         assert_eq!(next(812.3, Vec::new()), "not spring-load: it explains less, by 812 units of chi square");
         assert_eq!(next(-5.0, vec![Gate::Bounds]), "not spring-load: it has a value at its bound");
+        let as_good = told(16.7, Vec::new(), true);
+        assert_eq!(as_good, "not spring-load: it explains as much, but with more numbers");
     }
 }

@@ -146,7 +146,7 @@ impl Printed {
                 // What came next is no member of a class.
                 let is_alone = named.class.len() == 1;
                 let runner_up = named.runner_up.as_ref().filter(|_| is_alone);
-                named.class.iter().enumerate().map(move |(rank, (candidate, weight))| {
+                named.class.iter().enumerate().map(move |(rank, (candidate, _))| {
                     let others = named.members();
                     let alternatives = others
                         .filter(|other| *other != candidate.name())
@@ -157,7 +157,8 @@ impl Printed {
                         0 => (&axis.named.model, of),
                         _ => (&candidate.fitted, candidate.fitted.model.effects.len() - 1),
                     };
-                    let mut effect = Effect::new(axis_name.clone(), fitted, place, *weight, alternatives);
+                    let confidence = named.confidence(rank);
+                    let mut effect = Effect::new(axis_name.clone(), fitted, place, confidence, alternatives);
                     effect.told_apart_by = named.told_apart_by().map(|by| by.to_string());
                     effect.runner_up = runner_up.map(Next::new);
                     if let (0, Some(follows)) = (rank, &axis.consequences[of]) {

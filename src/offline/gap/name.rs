@@ -188,6 +188,7 @@ pub fn name<'m>(
             name: next.name(),
             behind: best.evidence - next.evidence,
             failed: next.failed.clone(),
+            is_as_good: false,
         }));
         // What explains more and has odd values makes the best no sure name.
         let is_beyond = |one: &&Candidate| {

@@ -73,6 +73,8 @@ pub struct RunnerUp {
     pub behind: f64,
     /// The gates it did not pass.
     pub failed: Vec<Gate>,
+    /// Whether it explains as much, and only that it takes more numbers is against it.
+    pub is_as_good: bool,
 }
 
 impl NamedEffect {
@@ -94,6 +96,12 @@ impl NamedEffect {
     /// Its class with the values of each, the best first.
     pub(super) fn tried(&self) -> impl Iterator<Item = &Tried> {
         self.class.iter().filter_map(|(candidate, _)| candidate.fitted.model.effects.last())
+    }
+
+    /// How probable a member of its class is. What explains as much is as likely, whatever it takes to say it.
+    pub fn confidence(&self, rank: usize) -> f64 {
+        let is_doubted = self.runner_up.as_ref().is_some_and(|next| next.is_as_good);
+        self.class[rank].1 * if is_doubted { 0.5 } else { 1.0 }
     }
 
     /// Names of its class, the best first.
@@ -131,5 +139,10 @@ mod tests {
         named.apart_from(&["torque-ripple", "reversal-compensation"]);
         let left: Vec<(&str, f64)> = named.class.iter().map(|(one, weight)| (one.name(), *weight)).collect();
         assert_eq!(left, [("torque-ripple", 0.75), ("backlash", 0.25)]);
+        for (is_as_good, confidence) in [(false, 0.75), (true, 0.375)] {
+            let failed = Vec::new();
+            named.runner_up = Some(RunnerUp { name: "soft-zone", behind: 16.7, failed, is_as_good });
+            assert_eq!(named.confidence(0), confidence);
+        }
     }
 }

@@ -182,10 +182,18 @@ impl Near {
             !is_alias(best, candidate.name()) && (is_behind || beside.is_made_up(end))
         };
         let (apart, ends): (Vec<_>, Vec<_>) = ends.into_iter().partition(is_apart);
-        let told_apart = apart.first().map(|(candidate, end)| RunnerUp {
+        // What it is with a number less explains no less than it by that.
+        let is_as_good = |end: &Fitted| {
+            is_with_less(&model.model, &end.model)
+                && !is_at_bound(end)
+                && end.total < model.total + NEAR.0 * scale
+        };
+        let next = apart.iter().find(|(_, end)| is_as_good(end)).or(apart.first());
+        let told_apart = next.map(|(candidate, end)| RunnerUp {
             name: candidate.name(),
             behind: beside.behind(end),
             failed: Vec::new(),
+            is_as_good: is_as_good(end),
         });
         let at_its_bottom = |(candidate, fitted)| Candidate { fitted, ..candidate };
         Self { class: ends.into_iter().map(at_its_bottom).collect(), told_apart, model }
@@ -209,7 +217,7 @@ impl NamedEffect {
             let is_apart = is_behind || beside.is_made_up(&end);
             if is_apart {
                 let behind = beside.behind(&end);
-                apart.get_or_insert(RunnerUp { name: other, behind, failed: Vec::new() });
+                apart.get_or_insert(RunnerUp { name: other, behind, failed: Vec::new(), is_as_good: false });
             }
             !is_apart
         });
@@ -253,6 +261,8 @@ pub(super) mod tests {
         let found = Near::of((near, 0.0), &own, &|fitted| fitted.total, &without, 1_000);
         let class: Vec<(&str, f64)> = found.class.iter().map(|one| (one.name(), one.fitted.total)).collect();
         assert_eq!(class, [("backlash", 1_005.0)], "and a number more is worth more than five units");
+        let next = found.told_apart.expect("a runner-up");
+        assert!(next.name == "soft-zone" && next.is_as_good, "{next:?}");
     }
 
     #[test]
