@@ -301,8 +301,16 @@ pub(super) fn judged(
         && does_not_speak_against(&asked);
     let is_sure_by_both =
         failed == [Gate::Amplitude] && !is_little && is_sure_together(&fitted, &telling, &asked);
+    // Five deviations by each are no chance, whichever commands say so.
+    let is_sure_by_each = || {
+        let stays = |(at, one): (&usize, &Judged)| {
+            fitted.is_surely_not_zero(*at, STAYS) && one.is_more_than(STAYS, ALONE_SHARE)
+        };
+        in_all_draws && telling.iter().zip(asked.iter()).any(stays)
+    };
     // Where each command bears it out.
-    if (rows_that_judge_are_silent || is_sure_by_both) && foretold.is_some() {
+    let is_borne_out = || is_sure_by_both && is_sure_by_each() || foretold.is_some();
+    if (rows_that_judge_are_silent || is_sure_by_both) && is_borne_out() {
         failed.clear();
     }
     if failed.is_empty()
