@@ -39,8 +39,8 @@ const VALLEYS: usize = 2;
 const DEEPER: f64 = 0.998;
 /// An effect of whose gain the base makes so much by itself, once it has been led out of its valley, is asked for again from there.
 const OF_BASE: f64 = 0.4;
-/// What rows that judge deny is asked for once more, as rows count beside it, where it explains more than this share of what it leaves. Less is
-/// not worth the time.
+/// What rows that judge deny is asked for once more, as rows count beside it, where it explains more than this share of what it leaves, or did
+/// when it passed the gates. Less is not worth the time.
 const ASKED_AGAIN: f64 = 5e-3;
 
 /// The base that a search begins with.
