@@ -8,7 +8,6 @@ use serde::Serialize;
 use crate::offline::gap::candidate::Candidate;
 use crate::offline::gap::consequence::Consequence;
 use crate::offline::gap::fit::Fitted;
-use crate::offline::gap::gates::Gate;
 use crate::offline::gap::named::RunnerUp;
 use crate::offline::gap::problem::shown;
 use crate::offline::gap::runs::Run;
@@ -24,20 +23,9 @@ pub(super) struct Effect {
     /// What would tell it from those of its class; nothing where nothing does, or none is needed.
     pub(super) told_apart_by: Option<String>,
     /// What came next, where the effect is alone.
-    pub(super) runner_up: Option<Next>,
+    pub(super) runner_up: Option<RunnerUp>,
     /// What would show that it is none.
     pub(super) falsified_by: Option<Falsified>,
-}
-
-/// What is not named, and why.
-#[derive(Debug, Serialize)]
-pub(super) struct Next {
-    name: &'static str,
-    /// How much less it explains, in units of the logarithm of probability, twice.
-    behind: f64,
-    failed: Vec<Gate>,
-    /// Whether it explains as much, and only takes more numbers.
-    is_as_good: bool,
 }
 
 /// Runs that the file without the effect would have to foretell as well as with it.
@@ -63,26 +51,6 @@ impl fmt::Display for Effect {
             write!(out, ", or else {}", self.alternatives.join(" or "))?;
         }
         self.sentences().iter().try_for_each(|sentence| write!(out, "\n    {sentence}"))
-    }
-}
-
-impl Next {
-    pub(super) fn new(next: &RunnerUp) -> Self {
-        let RunnerUp { name, behind, ref failed, is_as_good } = *next;
-        Self { name, behind, failed: failed.clone(), is_as_good }
-    }
-}
-
-impl fmt::Display for Next {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(out, "not {}:", self.name)?;
-        let mut reasons: Vec<String> = self.failed.iter().map(|gate| format!("it {gate}")).collect();
-        if self.is_as_good {
-            reasons.push("it explains as much, but with more numbers".to_owned());
-        } else if self.behind > 0.0 {
-            reasons.push(format!("it explains less, by {:.0} units of chi square", self.behind));
-        }
-        write!(out, " {}", reasons.join(", "))
     }
 }
 
@@ -203,17 +171,5 @@ mod tests {
         assert_eq!(x.parameters.values().copied().collect::<Vec<f64>>(), [1.0, 2.0]);
         assert!(x.interval.contains_key("second-torque-nm"));
         assert_eq!(y.parameters.len(), 1);
-    }
-
-    #[test]
-    fn what_is_not_named_is_said_with_its_reason() {
-        let told = |behind: f64, failed: Vec<Gate>, is_as_good: bool| {
-            Next { name: "spring-load", behind, failed, is_as_good }.to_string()
-        };
-        let next = |behind, failed| told(behind, failed, false);
-        assert_eq!(next(812.3, Vec::new()), "not spring-load: it explains less, by 812 units of chi square");
-        assert_eq!(next(-5.0, vec![Gate::Bounds]), "not spring-load: it has a value at its bound");
-        let as_good = told(16.7, Vec::new(), true);
-        assert_eq!(as_good, "not spring-load: it explains as much, but with more numbers");
     }
 }

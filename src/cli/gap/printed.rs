@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use super::circles::Circle;
-use super::effect::{Effect, Falsified, Next, once, short};
+use super::effect::{Effect, Falsified, once, short};
 use super::left::Left;
 use crate::base::units::Current;
 use crate::cli::view::table;
@@ -160,7 +160,7 @@ impl Printed {
                     let confidence = named.confidence(rank);
                     let mut effect = Effect::new(axis_name.clone(), fitted, place, confidence, alternatives);
                     effect.told_apart_by = named.told_apart_by().map(|by| by.to_string());
-                    effect.runner_up = runner_up.map(Next::new);
+                    effect.runner_up = runner_up.cloned();
                     if let (0, Some(follows)) = (rank, &axis.consequences[of]) {
                         effect.falsified_by = Some(Falsified::new(candidate, follows, runs));
                     }

@@ -2,6 +2,10 @@
 //!
 //! Invariant: the base and the model that are held against each other stand on the same rows.
 
+use std::fmt;
+
+use serde::Serialize;
+
 use super::blocks::Blocks;
 use super::candidate::Candidate;
 use super::fit::Fitted;
@@ -65,16 +69,29 @@ pub struct NamedEffect {
 }
 
 /// What came next, and why it is not what was named.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
 pub struct RunnerUp {
     /// Its name.
     pub name: &'static str,
-    /// How much less it explains; less than nothing where a gate alone is against it.
+    /// How much less it explains, in units of the logarithm of probability, twice; less than nothing where a gate alone is against it.
     pub behind: f64,
     /// The gates it did not pass.
     pub failed: Vec<Gate>,
     /// Whether it explains as much, and only that it takes more numbers is against it.
     pub is_as_good: bool,
+}
+
+impl fmt::Display for RunnerUp {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(out, "not {}:", self.name)?;
+        let mut reasons: Vec<String> = self.failed.iter().map(|gate| format!("it {gate}")).collect();
+        if self.is_as_good {
+            reasons.push("it explains as much, but with more numbers".to_owned());
+        } else if self.behind > 0.0 {
+            reasons.push(format!("it explains less, by {:.0} units of chi square", self.behind));
+        }
+        write!(out, " {}", reasons.join(", "))
+    }
 }
 
 impl NamedEffect {
@@ -144,5 +161,17 @@ mod tests {
             named.runner_up = Some(RunnerUp { name: "soft-zone", behind: 16.7, failed, is_as_good });
             assert_eq!(named.confidence(0), confidence);
         }
+    }
+
+    #[test]
+    fn what_is_not_named_is_said_with_its_reason() {
+        let told = |behind: f64, failed: Vec<Gate>, is_as_good: bool| {
+            RunnerUp { name: "spring-load", behind, failed, is_as_good }.to_string()
+        };
+        let next = |behind, failed| told(behind, failed, false);
+        assert_eq!(next(812.3, Vec::new()), "not spring-load: it explains less, by 812 units of chi square");
+        assert_eq!(next(-5.0, vec![Gate::Bounds]), "not spring-load: it has a value at its bound");
+        let as_good = told(16.7, Vec::new(), true);
+        assert_eq!(as_good, "not spring-load: it explains as much, but with more numbers");
     }
 }
