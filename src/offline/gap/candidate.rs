@@ -2,7 +2,7 @@
 //!
 //! Invariant: what passed every gate has a name, and what failed one says which.
 
-use super::fit::Fitted;
+use super::fit::{Fitted, scale};
 use super::gates::Gate;
 use super::model::{Model, Tried};
 use super::usual::is_usual;
@@ -71,6 +71,11 @@ impl Candidate {
         let may_be_unsure = |gate: &Gate| *gate == Gate::Amplitude && self.evidence > PLAIN;
         self.failed.iter().any(shows) && self.failed.iter().all(|gate| shows(gate) || may_be_unsure(gate))
     }
+}
+
+/// By how much a cost falls with a model of so many numbers more, in units of one row's variance, less what these explain by chance.
+pub(super) fn fall(without: f64, with: &Fitted, numbers: usize, rows: usize) -> f64 {
+    (without - with.total) / scale(with.cost, rows) - numbers as f64 * (rows.max(1) as f64).ln()
 }
 
 #[cfg(test)]

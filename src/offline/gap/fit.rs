@@ -91,11 +91,6 @@ pub fn fit(problem: &Problem<'_>, start: &Model, effort: Effort, known: Option<&
     ending(problem, start, effort, known).0
 }
 
-/// By how much a cost falls with a model of so many numbers more, in units of one row's variance, less what these explain by chance.
-pub(super) fn fall(without: f64, with: &Fitted, numbers: usize, rows: usize) -> f64 {
-    (without - with.total) / scale(with.cost, rows) - numbers as f64 * (rows.max(1) as f64).ln()
-}
-
 /// A fitted model fitted to the bottom, by derivatives as narrow as it is known.
 pub(super) fn to_the_bottom(problem: &Problem<'_>, from: &Fitted) -> Fitted {
     let steps = Steps::of(&from.model, &from.covariance);

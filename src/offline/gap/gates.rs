@@ -12,9 +12,9 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::blocks::Blocks;
-use super::candidate::Candidate;
+use super::candidate::{self, Candidate};
 use super::crossed;
-use super::fit::{self, Effort, Fitted, fit, scale, to_the_bottom};
+use super::fit::{Effort, Fitted, fit, scale, to_the_bottom};
 use super::judged::{self, Judged};
 use super::linear::Linear;
 use super::little::{is_on_its_way, is_stick};
@@ -235,7 +235,7 @@ pub(super) fn judged(
     let added = fitted.model.effects.len() - 1;
     let entry = fitted.model.effects[added].entry;
     let held_scale = scale(held, rows[1]);
-    let mut fall = fit::fall(without.total, &fitted, entry.numbers(), rows[0]);
+    let mut fall = candidate::fall(without.total, &fitted, entry.numbers(), rows[0]);
     let held_fall = (without_held - held) / held_scale;
     // Pure noise costs 1 per row.
     let left = without_held - rows[1] as f64;
@@ -323,7 +323,7 @@ pub(super) fn judged(
     let is_plain_where_judged = || asked.iter().any(|one| one.is_more_than(SURE, ALONE_SHARE));
     if (failed == [Gate::Fit] || failed == [Gate::Runs]) && is_plain_where_judged() {
         let (near, [without, with]) = beside_it(problem, without, &fitted);
-        let other = fit::fall(without.total, &with, entry.numbers(), rows[0]);
+        let other = candidate::fall(without.total, &with, entry.numbers(), rows[0]);
         let runs_bear_it_out = || {
             !makes_runs_worse(&near, &without, &with)
                 || is_gained(crossed::foretold(&near, &with, &telling, &before).as_deref())

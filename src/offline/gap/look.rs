@@ -6,7 +6,7 @@
 use rayon::prelude::*;
 
 use super::blocks::Blocks;
-use super::candidate::Candidate;
+use super::candidate::{self, Candidate};
 use super::fit::{self, Effort, Fitted, believed, fit, total_of};
 use super::gates;
 use super::linear::Linear;
@@ -80,8 +80,9 @@ impl Look<'_, '_> {
 fn screened(once: &Problem<'_>, here: &Linear, listed: &[Scored]) -> [Vec<Model>; 2] {
     let without = here.cost() + believed(&here.model);
     let rows = once.count(Part::Fit);
-    let explained =
-        |fitted: &Fitted| fit::fall(without, fitted, fitted.model.numbers() - here.model.numbers(), rows);
+    let explained = |fitted: &Fitted| {
+        candidate::fall(without, fitted, fitted.model.numbers() - here.model.numbers(), rows)
+    };
     let best = |all: &mut dyn Iterator<Item = &Fitted>| all.map(explained).fold(0.0, f64::max);
     let begun = |scored: &Scored| {
         let left = scored.starts.par_iter().map(|start| (total_of(once, start), start));

@@ -5,8 +5,9 @@
 use std::cell::LazyCell;
 
 use super::blocks::Blocks;
+use super::candidate;
 use super::crossed;
-use super::fit::{self, Effort, Fitted, fit, scale};
+use super::fit::{Effort, Fitted, fit, scale};
 use super::gates::{FALL, HELD_FALL, bear_out, does_not_show_where_judged, does_not_speak_against, telling};
 use super::judged;
 use super::louder::Louder;
@@ -106,7 +107,7 @@ impl Without {
     fn need(&self, problem: &Problem<'_>, model: &Fitted, blocks: &Blocks, place: usize) -> Need {
         let rows = problem.counts();
         let entry = model.model.effects[place].entry;
-        let fall = fit::fall(self.fitted.total, model, entry.parameters.len(), rows[0]);
+        let fall = candidate::fall(self.fitted.total, model, entry.parameters.len(), rows[0]);
         let held_fall = (self.blocks.cost() - blocks.cost()) / scale(blocks.cost(), rows[1]);
         let is_rough = is_rough(&self.fitted, model, self.rough, rows[0]);
         let amplitudes = telling(&model.model, place);
