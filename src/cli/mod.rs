@@ -99,8 +99,10 @@ enum Outcome {
 pub fn main() -> ExitCode {
     let arguments = Arguments::parse();
     // What a run says before it moves something: what is missing for real time.
+    let filter = tracing_subscriber::EnvFilter::try_from_default_env()
+        .unwrap_or_else(|_unset| tracing_subscriber::EnvFilter::new("warn"));
     tracing_subscriber::fmt()
-        .with_max_level(tracing::Level::WARN)
+        .with_env_filter(filter)
         .with_writer(std::io::stderr)
         .with_ansi(std::io::stderr().is_terminal())
         .with_target(false)

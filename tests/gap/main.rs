@@ -194,8 +194,13 @@ fn what_is_named_is_written_into_the_file_and_shown_on_a_page() {
     let mut command = assert_cmd::Command::cargo_bin("quadrant").expect("the tool");
     let runs = written(&runs(&machine, &[("backlash", 2.0)]), folder.path());
     command.current_dir(folder.path()).args(["gap", "--json", "--machine", "mill.toml", "--data"]).args(runs);
+    command.env("RUST_LOG", "quadrant=debug");
     let output = command.args(["--write", "mill.toml", "--out", "page"]).output().expect("an answer");
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let steps = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{steps}");
+    for step in ["on the shortlist law=\"backlash\"", "put to the gates law=\"backlash\"", "put to the test"] {
+        assert!(steps.contains(step), "it does not say that something was {step}");
+    }
     let said: serde_json::Value = serde_json::from_slice(&output.stdout).expect("one object");
     assert_eq!(said["effects"][0]["name"], "backlash");
     assert!(!said["located"].as_array().expect("a list").is_empty(), "{}", said["located"]);

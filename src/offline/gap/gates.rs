@@ -10,6 +10,7 @@ use std::fmt;
 
 use rayon::prelude::*;
 use serde::Serialize;
+use tracing::debug;
 
 use super::blocks::Blocks;
 use super::candidate::{self, Candidate};
@@ -337,6 +338,16 @@ pub(super) fn judged(
 
 /// Whether a fall is more than the best of so many candidates explains by chance.
 fn is_no_chance(fall: f64) -> bool {
+    debug!(
+        law = entry.name,
+        values = ?&fitted.model.effects[added].values[..entry.parameters.len()],
+        fall,
+        held_fall,
+        deviations = ?telling.iter().map(|at| fitted.deviations(*at)).collect::<Vec<f64>>(),
+        judged = ?*asked,
+        ?failed,
+        "put to the gates"
+    );
     fall > FALL + 2.0 * (CATALOGUE.len() as f64).ln()
 }
 

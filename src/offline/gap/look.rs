@@ -4,6 +4,7 @@
 //! Invariant: the same rows and the same model find the same.
 
 use rayon::prelude::*;
+use tracing::debug;
 
 use super::blocks::Blocks;
 use super::candidate::{self, Candidate};
@@ -80,6 +81,9 @@ impl Look<'_, '_> {
 fn screened(once: &Problem<'_>, here: &Linear, listed: &[Scored]) -> [Vec<Model>; 2] {
     let without = here.cost() + believed(&here.model);
     let rows = once.count(Part::Fit);
+    for Scored { starts, gain, sureness, is_sure } in listed {
+        debug!(law = starts.first().and_then(gates::last_of), gain, sureness, is_sure, "on the shortlist");
+    }
     let explained = |fitted: &Fitted| {
         candidate::fall(without, fitted, fitted.model.numbers() - here.model.numbers(), rows)
     };

@@ -10,6 +10,8 @@
 //!
 //! Invariant: an effect that is named has passed every gate; one that has failed one is listed with it.
 
+use tracing::debug;
+
 use super::blocks::Blocks;
 use super::candidate::Candidate;
 use super::clocks;
@@ -228,6 +230,7 @@ pub fn name<'m>(
             base = Some(test.fitted.clone());
         }
         let [gained, of_base] = [&model, &test.fitted].map(|fitted| before.total - fitted.total);
+        debug!(name = best.name(), gained, of_base, ?need, ?lost, "put to the test");
         let is_deeper = test.fitted.total < DEEPER * before.total;
         let is_of_base = is_first && is_deeper && of_base > OF_BASE * gained && valleys < VALLEYS;
         if let Some(gate) = lost.or(is_of_base.then_some(Gate::Needed)) {

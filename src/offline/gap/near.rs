@@ -6,6 +6,7 @@ use std::cell::OnceCell;
 use std::collections::BTreeSet;
 
 use rayon::prelude::*;
+use tracing::debug;
 
 use super::blocks::Blocks;
 use super::candidate::Candidate;
@@ -144,6 +145,14 @@ impl Near {
         let price = |end: &Fitted| price(end, scale, rows);
         ends.sort_by(|a, b| price(&a.1).total_cmp(&price(&b.1)));
         // Of those that began elsewhere the best.
+        for (candidate, end) in &ends {
+            debug!(
+                name = candidate.name(),
+                gained = without.total - end.total,
+                held = held(end),
+                "at its bottom"
+            );
+        }
         let mut seen = BTreeSet::new();
         ends.retain(|(candidate, _)| seen.insert(candidate.name()));
         let doubted = price(&ends[0].1) + price_of_a_number(ends[0].1.cost, rows);

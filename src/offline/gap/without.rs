@@ -4,6 +4,8 @@
 
 use std::cell::LazyCell;
 
+use tracing::debug;
+
 use super::blocks::Blocks;
 use super::candidate;
 use super::crossed;
@@ -129,6 +131,7 @@ impl Without {
                 && does_not_speak_against(&judged)
                 && crossed::foretold(problem, model, &amplitudes, &[]).is_some()
         };
+        debug!(law = entry.name, fall, held_fall, self.rough, is_rough, is_plain, judged = ?*judged, "is it needed?");
         if fall <= FALL || !(!is_rough && (is_worse || is_plain) || is_foretold()) {
             return Need::None;
         }
