@@ -10,7 +10,7 @@
 
 use std::f64::consts::TAU;
 
-use super::spectrum::{power, tops};
+use super::spectrum::{ABOVE, power, tops};
 
 /// Most lines.
 const LINES: usize = 3;
@@ -31,7 +31,7 @@ pub(super) fn lines(differences: &[Vec<f64>], period_s: f64) -> Vec<f64> {
     let found = |all: &[&[f64]], least: f64| -> (f64, Vec<f64>) {
         let Some(power) = power(all) else { return (0.0, Vec::new()) };
         let step_hz = 1.0 / (period_s * (2 * power.len()) as f64);
-        let mut tops = tops(&power, step_hz, HZ);
+        let mut tops = tops(&power, step_hz, HZ, ABOVE);
         tops.retain(|(_, ratio)| *ratio > least);
         tops.sort_by(|a, b| b.1.total_cmp(&a.1));
         let line = |hz: f64| between(&power, (hz / step_hz).round() as usize) * step_hz;

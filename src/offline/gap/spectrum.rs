@@ -22,8 +22,11 @@ use crate::plant::effects::Parameter;
 
 /// Peaks that are tried.
 const PEAKS: usize = 4;
-/// Least ratio of a peak to the median of the lines about it.
-const ABOVE: f64 = 8.0;
+/// Least ratio of a peak to the median of the lines about it, in a spectrum of one run.
+pub(super) const ABOVE: f64 = 8.0;
+/// In one of many runs, which scatters less, noise is above its mean by so many standard deviations of a normal distribution in one line of
+/// a hundred thousand.
+const DEVIATIONS: f64 = 4.26;
 /// Lines on either side that are its neighbourhood, as a share of its frequency, and at least and at most so many.
 const ABOUT: (f64, [usize; 2]) = (0.3, [40, 300]);
 /// Nearer peaks, as a share of their frequency, are one.
@@ -108,7 +111,9 @@ impl Peaks {
                 most_plain(
                     powers
                         .iter()
-                        .flat_map(|power| tops(power, per_unit / (2 * power.len()) as f64, *range))
+                        .flat_map(|power| {
+                            tops(power, per_unit / (2 * power.len()) as f64, *range, above(runs.len()))
+                        })
                         .collect(),
                 )
             };
@@ -281,8 +286,17 @@ fn in_step(hz: f64, runs: &[(f64, &Vec<Vec<f64>>)], period_s: f64, session_s: f6
     hz + offs_hz.max_by(|a, b| power(*a).total_cmp(&power(*b))).unwrap_or(0.0)
 }
 
-/// Lines of a spectrum with so much between them that stand out within a range, and how many times the median about them they are.
-pub(super) fn tops(power: &[f64], step: f64, range: [f64; 2]) -> Vec<(f64, f64)> {
+/// Least ratio of a peak where so many spectra are added: a sum of powers, by the cube root of which it is normal (Wilson and Hilferty
+/// 1931), as noise has it in one line of a hundred thousand.
+fn above(count: usize) -> f64 {
+    let variance = 1.0 / (9.0 * count.max(1) as f64);
+    let at = |deviations: f64| (1.0 - variance + deviations * variance.sqrt()).powi(3);
+    ABOVE.min(at(DEVIATIONS) / at(0.0))
+}
+
+/// Lines of a spectrum with so much between them that stand out within a range, and how many times the median about them they are, which is
+/// more than `above`.
+pub(super) fn tops(power: &[f64], step: f64, range: [f64; 2], above: f64) -> Vec<(f64, f64)> {
     // The first and the last are no tops.
     let Some(last) = power.len().checked_sub(2).filter(|last| *last > 0) else { return Vec::new() };
     let [low, high] = range.map(|frequency| ((frequency / step) as usize).clamp(1, last));
@@ -294,7 +308,7 @@ pub(super) fn tops(power: &[f64], step: f64, range: [f64; 2]) -> Vec<(f64, f64)>
             let usual = median(&mut about).unwrap_or(0.0);
             (line, power[line] / usual.max(f64::MIN_POSITIVE))
         })
-        .filter(|(_, ratio)| *ratio > ABOVE)
+        .filter(|(_, ratio)| *ratio > above)
         .map(|(line, ratio)| (line as f64 * step, ratio))
         .collect()
 }
@@ -334,10 +348,33 @@ mod tests {
         let quiet: Vec<f64> = (0..4_096).map(|row| swing(row) + chance()).collect();
         let loud: Vec<f64> = (0..4_096).map(|row| if row < 10 { 1e4 * chance() } else { 0.0 }).collect();
         let step = 4_096.0 / 8_192.0;
-        let found = |power: Option<Vec<f64>>| most_plain(tops(&power.expect("values"), step, [20.0, 200.0]));
+        let found =
+            |power: Option<Vec<f64>>| most_plain(tops(&power.expect("values"), step, [20.0, 200.0], ABOVE));
         assert!(found(power(&[&quiet, &loud])).is_empty());
         let peaks = found(evened(&[&quiet, &loud]));
         assert!((peaks[0] - LINE as f64).abs() < 1.0, "{peaks:?}");
+    }
+
+    #[test]
+    fn what_every_run_has_a_little_of_is_a_peak() {
+        const LINE: usize = 50;
+        let mut random = Pcg64Mcg::seed_from_u64(1);
+        let mut runs = |share: f64| -> Vec<Vec<f64>> {
+            let mut value = |row: usize| {
+                share * (TAU * LINE as f64 * row as f64 / 4_096.0).sin() + random.random_range(-1.0..1.0)
+            };
+            (0..8).map(|_| (0..4_096).map(&mut value).collect()).collect()
+        };
+        let found = |runs: &[Vec<f64>], above: f64| -> Vec<f64> {
+            let power = evened(&runs.iter().map(Vec::as_slice).collect::<Vec<_>>()).expect("values");
+            most_plain(tops(&power, 0.5, [20.0, 200.0], above))
+        };
+        let swinging = runs(0.04);
+        assert!(found(&swinging, ABOVE).is_empty());
+        assert_eq!(found(&swinging, above(8)).len(), 1);
+        assert!((found(&swinging, above(8))[0] - LINE as f64).abs() < 1.0);
+        assert!(found(&runs(0.0), above(8)).is_empty());
+        assert_eq!(above(1), ABOVE);
     }
 
     #[test]
@@ -355,7 +392,7 @@ mod tests {
         let values: Vec<f64> = (0..rows).map(value).collect();
         let peaks = |sign: &dyn Fn(f64) -> f64| {
             let power = evened(&[&by_bins(&values, &positions_m, sign, LEAD_M)]).expect("values");
-            most_plain(tops(&power, BINS_PER_TURN / (2 * power.len()) as f64, PER_TURN[0]))
+            most_plain(tops(&power, BINS_PER_TURN / (2 * power.len()) as f64, PER_TURN[0], ABOVE))
         };
         let found = peaks(&f64::signum);
         assert!((found[0] / order - 1.0).abs() < SAME, "{found:?}");
