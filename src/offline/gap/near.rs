@@ -118,6 +118,11 @@ fn price(end: &Fitted, scale: f64, rows: usize) -> f64 {
     end.total / scale + end.model.numbers() as f64 * (rows.max(1) as f64).ln()
 }
 
+/// Whether the last effect of a model has a whole number to a turn.
+fn is_whole(end: &Fitted) -> bool {
+    end.model.effects.last().is_some_and(|tried| tried.entry.parameters.iter().any(|one| one.is_whole))
+}
+
 /// Candidates that explain nearly as much as the best, at their bottoms.
 pub(super) struct Near {
     /// The best first.
@@ -140,11 +145,6 @@ impl Near {
     ) -> Self {
         let ends: Vec<Fitted> = near.par_iter().map(to_the_bottom).collect();
         let mut ends: Vec<(Candidate, Fitted)> = near.into_iter().zip(ends).collect();
-        let deepest = ends.iter().min_by(|a, b| a.1.total.total_cmp(&b.1.total)).expect("an end");
-        let scale = scale(deepest.1.cost, rows);
-        let price = |end: &Fitted| price(end, scale, rows);
-        ends.sort_by(|a, b| price(&a.1).total_cmp(&price(&b.1)));
-        // Of those that began elsewhere the best.
         for (candidate, end) in &ends {
             debug!(
                 name = candidate.name(),
@@ -153,6 +153,11 @@ impl Near {
                 "at its bottom"
             );
         }
+        let deepest = ends.iter().min_by(|a, b| a.1.total.total_cmp(&b.1.total)).expect("an end");
+        let scale = scale(deepest.1.cost, rows);
+        let price = |end: &Fitted| price(end, scale, rows);
+        ends.sort_by(|a, b| price(&a.1).total_cmp(&price(&b.1)));
+        // Of those that began elsewhere the best.
         let mut seen = BTreeSet::new();
         ends.retain(|(candidate, _)| seen.insert(candidate.name()));
         let doubted = price(&ends[0].1) + price_of_a_number(ends[0].1.cost, rows);
@@ -174,6 +179,21 @@ impl Near {
         let beyond = if is_at_bound(&ends[0].1) { ends.iter().position(is_beyond) } else { None };
         if let Some(other) = beyond {
             ends[..=other].rotate_right(1);
+        }
+        // What rows that judge know better with fewer numbers, and fitted rows do not tell from the best, comes first.
+        let beside = Beside::of(&ends[0].1, without.total - ends[0].1.total, rows, held);
+        let is_simpler = |(_, end): &(Candidate, Fitted)| {
+            end.model.numbers() < ends[0].1.model.numbers()
+                && !beside.is_behind(end)
+                && held(end) < held(&ends[0].1)
+        };
+        // Few waves along the way are as long as a turn of the screw by chance.
+        let is_of_turn = |(_, end): &(Candidate, Fitted)| {
+            is_whole(end) && !is_whole(&ends[0].1) && beside.behind(end) < 1.0
+        };
+        let first = ends.iter().position(is_simpler).or_else(|| ends.iter().position(is_of_turn));
+        if let Some(first) = first {
+            ends[..=first].rotate_right(1);
         }
         let (best, model) = (ends[0].0.name(), ends[0].1.clone());
         let beside = Beside::of(&model, without.total - model.total, rows, held);
@@ -287,6 +307,35 @@ pub(super) mod tests {
         assert_eq!(class(60.0, 1_200.0), ["soft-zone", "backlash"]);
         assert_eq!(class(84.95, 1_200.0), ["backlash", "soft-zone"]);
         assert_eq!(class(84.95, 20_000.0), ["soft-zone"], "it leaves much more");
+    }
+
+    #[test]
+    fn of_two_that_fitted_rows_do_not_tell_apart_the_simpler_is_first_if_rows_that_judge_know_it_better() {
+        let without = Fitted { total: 100_000.0, ..candidate("scale-error", 100_000.0).fitted };
+        let first = |left: f64, held: [f64; 2]| -> &str {
+            let near = vec![candidate("pitch-error", left), candidate("scale-error", 10_000.0)];
+            let ends = |candidate: &Candidate| candidate.fitted.clone();
+            let held = |end: &Fitted| held[usize::from(last_of(&end.model) == Some("scale-error"))];
+            Near::of((near, 0.0), &ends, &held, &without, 10_000).class[0].name()
+        };
+        assert_eq!(first(9_500.0, [2_010.0, 2_000.0]), "scale-error");
+        assert_eq!(first(9_500.0, [2_000.0, 2_010.0]), "pitch-error");
+        assert_eq!(first(7_000.0, [2_010.0, 2_000.0]), "pitch-error", "fitted rows tell them apart");
+    }
+
+    #[test]
+    fn a_wave_as_long_as_a_turn_is_of_the_screw() {
+        let without = candidate("screw-ripple", 90_000.0).fitted;
+        let first = |left: f64| -> &str {
+            let near = vec![
+                candidate("position-dependent-friction-wave", left),
+                candidate("screw-ripple", 10_000.0),
+            ];
+            let ends = |candidate: &Candidate| candidate.fitted.clone();
+            Near::of((near, 0.0), &ends, &|_| 0.0, &without, 10_000).class[0].name()
+        };
+        assert_eq!(first(9_999.5), "screw-ripple");
+        assert_eq!(first(9_990.0), "position-dependent-friction", "it is another wave");
     }
 
     #[test]
