@@ -156,7 +156,10 @@ pub(super) fn tried(
             && of.is_some_and(shows_where_judged)
             && Blocks::new(problem, &fitted.model).cost() > without_held
     };
-    let is_worth_it = |fitted: &Fitted| explains_much(fitted, without) && !is_of_fit_alone(fitted);
+    // What leads nowhere stands before a slip that the base made its own.
+    let leads_nowhere = |fitted: &Fitted| fitted.total > without.total;
+    let is_worth_it =
+        |fitted: &Fitted| leads_nowhere(fitted) || explains_much(fitted, without) && !is_of_fit_alone(fitted);
     let grown = |fitted: Fitted| if is_worth_it(&fitted) { refit(&fitted.model) } else { fitted };
     let both = |model: &Model| {
         let own = grown(fit(problem, model, Effort::Coarse(ITERATIONS[1]), Some(here)));
@@ -211,15 +214,19 @@ pub(super) fn lost_at(problem: &Problem<'_>, bottom: &Fitted) -> Option<Gate> {
     }
     let telling = telling(&bottom.model, last);
     let stays = telling.iter().any(|amplitude| bottom.is_surely_not_zero(*amplitude, STAYS))
-        || is_sure_together(bottom, &telling, &judged::alone(problem, bottom, &telling));
+        || is_sure_together(problem, bottom, &telling, &judged::alone(problem, bottom, &telling));
     (!stays).then_some(Gate::Amplitude)
 }
 
 /// Whether fitted rows and those that judge, which are not the same, are as sure of an amplitude together, and of one size.
-fn is_sure_together(fitted: &Fitted, telling: &[usize], asked: &[Judged]) -> bool {
+fn is_sure_together(problem: &Problem<'_>, fitted: &Fitted, telling: &[usize], asked: &[Judged]) -> bool {
+    are_as_sure(fitted, telling, asked) && !judged::is_another(problem, fitted, telling, asked)
+}
+
+fn are_as_sure(fitted: &Fitted, telling: &[usize], asked: &[Judged]) -> bool {
     let said = telling.iter().zip(asked).filter(|(_, one)| one.is_more_than(SAID, ALONE_SHARE));
     let deviations = |(at, one): (&usize, &Judged)| fitted.deviations(*at).hypot(one.share / one.deviation);
-    !judged::is_another(asked) && said.map(deviations).any(|together| together > SURE)
+    said.map(deviations).any(|together| together > SURE)
 }
 
 /// A model whose last effect is put to every gate but the last.
@@ -300,15 +307,13 @@ pub(super) fn judged(
         && !failed.is_empty()
         && failed.iter().all(Gate::is_of_rows_that_judge)
         && does_not_speak_against(&asked);
-    let is_sure_by_both =
-        failed == [Gate::Amplitude] && !is_little && is_sure_together(&fitted, &telling, &asked);
-    // Five deviations by each are no chance, whichever commands say so.
-    let is_sure_by_each = || {
-        let stays = |(at, one): (&usize, &Judged)| {
-            fitted.is_surely_not_zero(*at, STAYS) && one.is_more_than(STAYS, ALONE_SHARE)
-        };
-        in_all_draws && telling.iter().zip(asked.iter()).any(stays)
-    };
+    let is_of_size = |gate: &Gate| matches!(gate, Gate::Amplitude | Gate::Blocks);
+    let is_sure_by_both = failed.contains(&Gate::Amplitude)
+        && failed.iter().all(is_of_size)
+        && !is_little
+        && is_sure_together(problem, &fitted, &telling, &asked);
+    // Both say so, whichever commands do.
+    let is_sure_by_each = || in_all_draws && telling.iter().any(|at| fitted.is_surely_not_zero(*at, SAID));
     // Where each command bears it out.
     let is_borne_out = || is_sure_by_both && is_sure_by_each() || foretold.is_some();
     if (rows_that_judge_are_silent || is_sure_by_both) && is_borne_out() {
@@ -333,11 +338,6 @@ pub(super) fn judged(
             (fall, failed) = (other, Vec::new());
         }
     }
-    Candidate { evidence: fall + held_fall, fitted, held, failed }
-}
-
-/// Whether a fall is more than the best of so many candidates explains by chance.
-fn is_no_chance(fall: f64) -> bool {
     debug!(
         law = entry.name,
         values = ?&fitted.model.effects[added].values[..entry.parameters.len()],
@@ -348,6 +348,11 @@ fn is_no_chance(fall: f64) -> bool {
         ?failed,
         "put to the gates"
     );
+    Candidate { evidence: fall + held_fall, fitted, held, failed }
+}
+
+/// Whether a fall is more than the best of so many candidates explains by chance.
+fn is_no_chance(fall: f64) -> bool {
     fall > FALL + 2.0 * (CATALOGUE.len() as f64).ln()
 }
 
@@ -408,7 +413,7 @@ mod tests {
     use crate::plant::tests::paper_axis;
 
     #[test]
-    fn what_explains_a_fiftieth_is_fitted_by_all_ways() {
+    fn what_explains_a_fiftieth_or_leads_nowhere_is_fitted_by_all_ways() {
         let machine = config::load("paper").expect("a machine");
         let problem = swinging(&machine, 5e-3);
         let file = Model::new(machine.axes[AxisId::X].plant);
@@ -420,7 +425,7 @@ mod tests {
         let here = Linear::widest(&problem, &file);
         let own = fit(&problem, &promising[0], Effort::Coarse(ITERATIONS[1]), Some(&here));
         let blocks = Blocks::new(&problem, &file);
-        for (explained, is_asked) in [(0.01, false), (0.03, true)] {
+        for (explained, is_asked) in [(0.01, false), (0.03, true), (-0.001, true)] {
             let without = Fitted { model: file.clone(), total: (1.0 + explained) * own.total, ..own.clone() };
             let asked = AtomicBool::new(false);
             let refit = |model: &Model| {
@@ -466,14 +471,13 @@ mod tests {
             (4.4, 1.03, 0.16, true),
             (4.4, 1.03, 0.25, false),
             (2.0, 1.03, 0.16, false),
-            // Rows that judge say little by themselves, or another size.
+            // Rows that judge say little by themselves.
             (6.9, 0.9, 0.31, false),
-            (6.9, 2.0, 0.2, false),
         ] {
             let mut covariance = DMatrix::identity(count, count);
             covariance[(at, at)] = f64::powi(amplitude / deviations, 2);
             let fitted = Fitted { model: model.clone(), cost: 0.0, total: 0.0, covariance };
-            let found = is_sure_together(&fitted, &[at], &[Judged { share, deviation }]);
+            let found = are_as_sure(&fitted, &[at], &[Judged { share, deviation }]);
             assert_eq!(found, are_sure, "{deviations}, {share} ± {deviation}");
         }
     }

@@ -135,7 +135,11 @@ impl Without {
         if fall <= FALL || !(!is_rough && (is_worse || is_plain) || is_foretold()) {
             return Need::None;
         }
-        if judged::is_another(&judged) { Need::OfAnotherSize } else { Need::Shown }
+        if judged::is_another(problem, model, &amplitudes, &judged) {
+            Need::OfAnotherSize
+        } else {
+            Need::Shown
+        }
     }
 }
 
