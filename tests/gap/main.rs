@@ -198,7 +198,8 @@ fn what_is_named_is_written_into_the_file_and_shown_on_a_page() {
     let output = command.args(["--write", "mill.toml", "--out", "page"]).output().expect("an answer");
     let steps = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{steps}");
-    for step in ["on the shortlist law=\"backlash\"", "put to the gates law=\"backlash\"", "put to the test"] {
+    for step in ["on the shortlist law=\"backlash\"", "put to the gates law=\"backlash\"", "put to the test"]
+    {
         assert!(steps.contains(step), "it does not say that something was {step}");
     }
     let said: serde_json::Value = serde_json::from_slice(&output.stdout).expect("one object");

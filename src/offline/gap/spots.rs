@@ -10,19 +10,19 @@ use super::forward::{CURRENT, Signals};
 use super::problem::{Part, Problem};
 use crate::offline::running_mean::running_mean;
 
-/// Length of a bin, and of a stretch and of a wider one about it, in bins. m.
-const BIN_M: f64 = 2e-3;
-const STRETCH: usize = 5;
-const ABOUT: usize = 31;
+/// Length of a bin, m, and in bins of stretches, as long as spots are, and of a wider one about them.
+const BIN_M: f64 = 1e-3;
+const STRETCHES: [usize; 3] = [3, 5, 11];
+const ABOUT: usize = 61;
 /// Fewer rows are no mean.
-const ROWS: u32 = 40;
+const ROWS: u32 = 10;
 /// A slower axis may stick, m/s.
 const SLOW_M_PER_S: f64 = 1e-3;
 /// What is further off is no friction of a place, in standard deviations of noise.
 const FAR: f64 = 4.0;
 /// How many places are tried, no nearer to each other than so many bins.
 const SPOTS: usize = 4;
-const APART: usize = 7;
+const APART: usize = 8;
 
 /// What is left of the current while an axis moves: where it is, and how much, with the sign of the way.
 pub(super) fn by_way(
@@ -49,9 +49,10 @@ pub(super) fn furthest_mm(runs: &[&[[f64; 2]]]) -> Vec<f64> {
     if low > high {
         return Vec::new();
     }
-    let mut stands_out = vec![0.0; (high - low) as usize + 1];
+    let count = (high - low) as usize + 1;
+    let mut stands_out = [(); STRETCHES.len()].map(|()| vec![0.0; count]);
     for run in runs {
-        let mut sums = vec![(0.0, 0_u32); stands_out.len()];
+        let mut sums = vec![(0.0, 0_u32); count];
         for [at_m, left] in *run {
             let (sum, count) = &mut sums[(bin(*at_m) - low) as usize];
             *sum += left;
@@ -64,13 +65,18 @@ pub(super) fn furthest_mm(runs: &[&[[f64; 2]]]) -> Vec<f64> {
             .filter(|(_, (_, count))| *count >= ROWS)
             .map(|(number, (sum, count))| (number, sum / f64::from(count)))
             .unzip();
-        let [near, about] = [STRETCH, ABOUT].map(|bins| running_mean(&means, bins));
-        for ((number, near), about) in numbers.into_iter().zip(near).zip(about) {
-            stands_out[number] += near - about;
+        let about = running_mean(&means, ABOUT);
+        for (bins, stands_out) in STRETCHES.iter().zip(&mut stands_out) {
+            // The mean of so many bins scatters by the root of their number.
+            let sure = (*bins as f64).sqrt();
+            for ((number, near), about) in numbers.iter().zip(running_mean(&means, *bins)).zip(&about) {
+                stands_out[*number] += sure * (near - about);
+            }
         }
     }
-    let mut order: Vec<usize> = (0..stands_out.len()).collect();
-    order.sort_by(|a, b| stands_out[*b].abs().total_cmp(&stands_out[*a].abs()));
+    let most = |number: usize| stands_out.iter().map(|by_length| by_length[number].abs()).fold(0.0, f64::max);
+    let mut order: Vec<usize> = (0..count).collect();
+    order.sort_by(|a, b| most(*b).total_cmp(&most(*a)));
     let mut found: Vec<usize> = Vec::new();
     for number in order {
         if found.len() < SPOTS && found.iter().all(|other| other.abs_diff(number) >= APART) {
@@ -103,5 +109,19 @@ mod tests {
         let found = furthest_mm(&runs.each_ref().map(Vec::as_slice));
         assert!((found[0] + 77.0).abs() < 5.0, "{found:?}");
         assert_eq!(furthest_mm(&[]), Vec::<f64>::new());
+    }
+
+    #[test]
+    fn a_short_spot_is_not_lost_in_what_is_about_it() {
+        let mut random = Pcg64Mcg::seed_from_u64(3);
+        // Five ways of 60 mm, noise ten times what a spot of 1.5 mm leaves.
+        let row = |row: u32| {
+            let at_m = 0.06 * f64::from(row % 2_000) / 2_000.0;
+            let spot = 0.02 * (-0.5 * ((at_m - 0.0423) / 1.5e-3).powi(2)).exp();
+            [at_m, spot + random.random_range(-0.2..0.2)]
+        };
+        let run: Vec<[f64; 2]> = (0..10_000).map(row).collect();
+        let found = furthest_mm(&[&run]);
+        assert!((found[0] - 42.3).abs() < 2.0, "{found:?}");
     }
 }
