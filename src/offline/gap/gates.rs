@@ -307,9 +307,8 @@ pub(super) fn judged(
         && !failed.is_empty()
         && failed.iter().all(Gate::is_of_rows_that_judge)
         && does_not_speak_against(&asked);
-    let is_of_size = |gate: &Gate| matches!(gate, Gate::Amplitude | Gate::Blocks);
     let is_sure_by_both = failed.contains(&Gate::Amplitude)
-        && failed.iter().all(is_of_size)
+        && failed.iter().all(|gate| matches!(gate, Gate::Amplitude | Gate::Blocks))
         && !is_little
         && is_sure_together(problem, &fitted, &telling, &asked);
     // Both say so, whichever commands do.
