@@ -64,6 +64,8 @@ struct Left {
 #[derive(Debug)]
 pub struct Peaks {
     hz: Vec<f64>,
+    /// Of these the one that stands out most, where it does so by as much as in one run.
+    loudest_hz: Option<f64>,
     per_turn: Vec<f64>,
     /// Of what turns its sign with the way.
     per_turn_by_way: Vec<f64>,
@@ -100,7 +102,7 @@ impl Peaks {
         };
         let runs: Vec<Left> = problem.places(Part::Fit).into_par_iter().map(of_run).collect();
         let period_s = problem.period_s();
-        let of = |per_unit: f64, ranges: &[[f64; 2]], of_run: fn(&Left) -> &[Vec<f64>]| -> Vec<f64> {
+        let of = |per_unit: f64, ranges: &[[f64; 2]], of_run: fn(&Left) -> &[Vec<f64>]| -> Vec<(f64, f64)> {
             let of_signal = |signal: usize| {
                 let sums = runs.iter().map(|run| of_run(run)[signal].as_slice());
                 evened(&sums.collect::<Vec<_>>())
@@ -127,13 +129,18 @@ impl Peaks {
         let session_s = session_s(&spans_s);
         let begins_s = problem.places(Part::Fit).into_iter().map(|place| spans_s[place][0]);
         let timed: Vec<(f64, &Vec<Vec<f64>>)> = begins_s.zip(runs.iter().map(|run| &run.in_time)).collect();
-        let hz = of(1.0 / period_s, &[HZ], |run| &run.in_time).into_par_iter();
+        let frequencies = |peaks: Vec<(f64, f64)>| peaks.into_iter().map(|(at, _)| at).collect();
+        let hz = of(1.0 / period_s, &[HZ], |run| &run.in_time);
+        let is_loud = hz.first().is_some_and(|(_, ratio)| *ratio > ABOVE);
+        let hz = hz.into_par_iter().map(|(hz, _)| in_step(hz, &timed, period_s, session_s));
+        let hz: Vec<f64> = hz.collect();
         Self {
             session_s,
-            hz: hz.map(|hz| in_step(hz, &timed, period_s, session_s)).collect(),
-            per_turn: of(BINS_PER_TURN, &PER_TURN, |run| &run.by_place[0]),
-            per_turn_by_way: of(BINS_PER_TURN, &PER_TURN[..1], |run| &run.by_place[1]),
-            per_turn_of_table: of(BINS_PER_TURN, &PER_TURN[1..], |run| &run.by_table),
+            loudest_hz: hz.first().copied().filter(|_| is_loud),
+            hz,
+            per_turn: frequencies(of(BINS_PER_TURN, &PER_TURN, |run| &run.by_place[0])),
+            per_turn_by_way: frequencies(of(BINS_PER_TURN, &PER_TURN[..1], |run| &run.by_place[1])),
+            per_turn_of_table: frequencies(of(BINS_PER_TURN, &PER_TURN[1..], |run| &run.by_table)),
             lead_m,
             spots_mm: spots::furthest_mm(&runs.iter().map(|run| run.by_way.as_slice()).collect::<Vec<_>>()),
             span_m,
@@ -169,9 +176,9 @@ impl Peaks {
 }
 
 impl Peaks {
-    /// The frequency in time that stands out most.
+    /// The frequency in time that stands out most, and plainly: clocks are set by it.
     pub(super) fn loudest_hz(&self) -> Option<f64> {
-        self.hz.first().copied()
+        self.loudest_hz
     }
 }
 
@@ -182,13 +189,13 @@ pub(super) fn session_s(spans_s: &[[f64; 2]]) -> f64 {
     end_s - begin_s
 }
 
-/// The peaks that stand out most, each once.
-fn most_plain(mut peaks: Vec<(f64, f64)>) -> Vec<f64> {
+/// The peaks that stand out most, each once, the most plain first.
+fn most_plain(mut peaks: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
     peaks.sort_by(|a, b| b.1.total_cmp(&a.1));
-    let mut plain: Vec<f64> = Vec::new();
-    for (frequency, _) in peaks {
-        if plain.len() < PEAKS && plain.iter().all(|other| (frequency / other - 1.0).abs() > SAME) {
-            plain.push(frequency);
+    let mut plain: Vec<(f64, f64)> = Vec::new();
+    for peak in peaks {
+        if plain.len() < PEAKS && plain.iter().all(|other| (peak.0 / other.0 - 1.0).abs() > SAME) {
+            plain.push(peak);
         }
     }
     plain
@@ -352,7 +359,7 @@ mod tests {
             |power: Option<Vec<f64>>| most_plain(tops(&power.expect("values"), step, [20.0, 200.0], ABOVE));
         assert!(found(power(&[&quiet, &loud])).is_empty());
         let peaks = found(evened(&[&quiet, &loud]));
-        assert!((peaks[0] - LINE as f64).abs() < 1.0, "{peaks:?}");
+        assert!((peaks[0].0 - LINE as f64).abs() < 1.0, "{peaks:?}");
     }
 
     #[test]
@@ -365,14 +372,14 @@ mod tests {
             };
             (0..8).map(|_| (0..4_096).map(&mut value).collect()).collect()
         };
-        let found = |runs: &[Vec<f64>], above: f64| -> Vec<f64> {
+        let found = |runs: &[Vec<f64>], above: f64| -> Vec<(f64, f64)> {
             let power = evened(&runs.iter().map(Vec::as_slice).collect::<Vec<_>>()).expect("values");
             most_plain(tops(&power, 0.5, [20.0, 200.0], above))
         };
         let swinging = runs(0.04);
         assert!(found(&swinging, ABOVE).is_empty());
         assert_eq!(found(&swinging, above(8)).len(), 1);
-        assert!((found(&swinging, above(8))[0] - LINE as f64).abs() < 1.0);
+        assert!((found(&swinging, above(8))[0].0 - LINE as f64).abs() < 1.0);
         assert!(found(&runs(0.0), above(8)).is_empty());
         assert_eq!(above(1), ABOVE);
     }
@@ -395,9 +402,9 @@ mod tests {
             most_plain(tops(&power, BINS_PER_TURN / (2 * power.len()) as f64, PER_TURN[0], ABOVE))
         };
         let found = peaks(&f64::signum);
-        assert!((found[0] / order - 1.0).abs() < SAME, "{found:?}");
+        assert!((found[0].0 / order - 1.0).abs() < SAME, "{found:?}");
         let whichever = peaks(&|_| 1.0);
-        assert!(whichever.iter().all(|other| (other / order - 1.0).abs() > SAME), "{whichever:?}");
+        assert!(whichever.iter().all(|(other, _)| (other / order - 1.0).abs() > SAME), "{whichever:?}");
     }
 
     #[test]
