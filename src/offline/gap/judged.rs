@@ -143,6 +143,7 @@ mod tests {
             (0.66, 0.08, 0.05, true),
             (1.53, 0.14, 0.05, true),
             (0.17, 0.27, 0.05, true),
+            (2.0, 0.2, 0.145, true),
             // Within what is not sure, in either, or off by little.
             (0.68, 0.17, 0.05, false),
             (0.66, 0.08, 0.14, false),
