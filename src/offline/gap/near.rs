@@ -78,7 +78,7 @@ struct Beside<'h> {
     margin: f64,
     /// What a model leaves of the rows that judge.
     held: &'h dyn Fn(&Fitted) -> f64,
-    /// More than that of them is behind on them.
+    /// What the best leaves of them.
     judged: OnceCell<f64>,
 }
 
@@ -108,8 +108,16 @@ impl<'h> Beside<'h> {
 
     /// Whether it is behind on the rows that judge, too.
     fn is_behind_where_judged(&self, end: &Fitted) -> bool {
-        let judged = self.judged.get_or_init(|| (self.held)(self.best) + self.margin * self.scale);
-        (self.held)(end) > *judged
+        (self.held)(end) > self.judged() + self.margin * self.scale
+    }
+
+    /// Whether the rows that judge know it better.
+    fn is_ahead_where_judged(&self, end: &Fitted) -> bool {
+        (self.held)(end) < self.judged()
+    }
+
+    fn judged(&self) -> f64 {
+        *self.judged.get_or_init(|| (self.held)(self.best))
     }
 }
 
@@ -185,7 +193,7 @@ impl Near {
         let is_simpler = |(_, end): &(Candidate, Fitted)| {
             end.model.numbers() < ends[0].1.model.numbers()
                 && !beside.is_behind(end)
-                && held(end) < held(&ends[0].1)
+                && beside.is_ahead_where_judged(end)
         };
         // Few waves along the way are as long as a turn of the screw by chance.
         let is_of_turn = |(_, end): &(Candidate, Fitted)| {
