@@ -33,8 +33,9 @@ const ABOUT: (f64, [usize; 2]) = (0.3, [40, 300]);
 const SAME: f64 = 0.02;
 /// Frequencies that are looked at, Hz and per turn.
 const HZ: [f64; 2] = [2.0, 400.0];
-/// Per turn in two ranges: lines of encoders, beyond what screw and motor do, would take all places.
-const PER_TURN: [[f64; 2]; 2] = [[0.3, 40.0], [40.0, 1_500.0]];
+/// Per turn: what screw and motor do, and beyond that lines of encoders.
+const PER_TURN: [f64; 2] = [0.3, 40.0];
+const LINES_PER_TURN: [f64; 2] = [40.0, 1_500.0];
 /// Sums per turn.
 const BINS_PER_TURN: f64 = 4_096.0;
 
@@ -43,10 +44,13 @@ const BINS_PER_TURN: f64 = 4_096.0;
 const IN_STEP_S: f64 = 0.1;
 const LINES_APART: f64 = 8.0;
 
-/// Poles and slots of motors, and what they make together; lines of their encoders, and periods of scales, um.
-const USUAL_PER_TURN: [f64; 10] = [1.0, 2.0, 4.0, 6.0, 8.0, 10.0, 12.0, 18.0, 24.0, 36.0];
+/// What is bent or runs out; poles and slots of motors, and what they make together; lines of their encoders, and periods of scales, um.
+const OF_SCREWS: [f64; 2] = [1.0, 2.0];
+const OF_MOTORS: [f64; 8] = [4.0, 6.0, 8.0, 10.0, 12.0, 18.0, 24.0, 36.0];
 const USUAL_LINES: [f64; 6] = [64.0, 128.0, 256.0, 512.0, 1_024.0, 2_048.0];
 const USUAL_PERIODS_UM: [f64; 2] = [4.0, 20.0];
+/// Of what is usual this share is tried: what most is left at. An effect that is small makes no peak, but leaves more than nothing.
+const TRIED: f64 = 0.5;
 
 /// What a model leaves of a run.
 struct Left {
@@ -69,8 +73,11 @@ pub struct Peaks {
     per_turn: Vec<f64>,
     /// Of what turns its sign with the way.
     per_turn_by_way: Vec<f64>,
-    /// Lines of a scale of the table.
-    per_turn_of_table: Vec<f64>,
+    /// Lines of a scale of the table, and of an encoder of the motor.
+    lines_per_turn: [Vec<f64>; 2],
+    /// Of what is usual for motors and for encoders, where most is left.
+    of_motors: Vec<f64>,
+    usual_lines: Vec<f64>,
     lead_m: f64,
     /// Where friction is not what it is about there.
     spots_mm: Vec<f64>,
@@ -102,25 +109,6 @@ impl Peaks {
         };
         let runs: Vec<Left> = problem.places(Part::Fit).into_par_iter().map(of_run).collect();
         let period_s = problem.period_s();
-        let of = |per_unit: f64, ranges: &[[f64; 2]], of_run: fn(&Left) -> &[Vec<f64>]| -> Vec<(f64, f64)> {
-            let of_signal = |signal: usize| {
-                let sums = runs.iter().map(|run| of_run(run)[signal].as_slice());
-                evened(&sums.collect::<Vec<_>>())
-            };
-            let signals = runs.first().map_or(0, |run| of_run(run).len());
-            let powers: Vec<Vec<f64>> = (0..signals).filter_map(of_signal).collect();
-            let within = |range: &[f64; 2]| {
-                most_plain(
-                    powers
-                        .iter()
-                        .flat_map(|power| {
-                            tops(power, per_unit / (2 * power.len()) as f64, *range, above(runs.len()))
-                        })
-                        .collect(),
-                )
-            };
-            ranges.iter().flat_map(within).collect()
-        };
         let places = problem.places(Part::Fit).into_iter();
         let span_m = places
             .flat_map(|place| problem.data[place].course.setpoints_m())
@@ -130,17 +118,24 @@ impl Peaks {
         let begins_s = problem.places(Part::Fit).into_iter().map(|place| spans_s[place][0]);
         let timed: Vec<(f64, &Vec<Vec<f64>>)> = begins_s.zip(runs.iter().map(|run| &run.in_time)).collect();
         let frequencies = |peaks: Vec<(f64, f64)>| peaks.into_iter().map(|(at, _)| at).collect();
-        let hz = of(1.0 / period_s, &[HZ], |run| &run.in_time);
+        let hz = Spectra::of(&runs, 1.0 / period_s, |run| &run.in_time).peaks(HZ);
         let is_loud = hz.first().is_some_and(|(_, ratio)| *ratio > ABOVE);
         let hz = hz.into_par_iter().map(|(hz, _)| in_step(hz, &timed, period_s, session_s));
         let hz: Vec<f64> = hz.collect();
+        let whichever_way = Spectra::of(&runs, BINS_PER_TURN, |run| &run.by_place[0]);
+        let by_way = Spectra::of(&runs, BINS_PER_TURN, |run| &run.by_place[1]);
+        let of_table = Spectra::of(&runs, BINS_PER_TURN, |run| &run.by_table);
+        let per_turn_of = |period_um: f64| 1e6 * lead_m / period_um;
+        let lines = USUAL_LINES.into_iter().chain(USUAL_PERIODS_UM.map(per_turn_of)).collect();
         Self {
             session_s,
             loudest_hz: hz.first().copied().filter(|_| is_loud),
             hz,
-            per_turn: frequencies(of(BINS_PER_TURN, &PER_TURN, |run| &run.by_place[0])),
-            per_turn_by_way: frequencies(of(BINS_PER_TURN, &PER_TURN[..1], |run| &run.by_place[1])),
-            per_turn_of_table: frequencies(of(BINS_PER_TURN, &PER_TURN[1..], |run| &run.by_table)),
+            of_motors: loudest(OF_MOTORS.to_vec(), &[&whichever_way, &by_way]),
+            usual_lines: loudest(lines, &[&whichever_way, &of_table]),
+            per_turn: frequencies(whichever_way.peaks(PER_TURN)),
+            per_turn_by_way: frequencies(by_way.peaks(PER_TURN)),
+            lines_per_turn: [of_table, whichever_way].map(|of| frequencies(of.peaks(LINES_PER_TURN))),
             lead_m,
             spots_mm: spots::furthest_mm(&runs.iter().map(|run| run.by_way.as_slice()).collect::<Vec<_>>()),
             span_m,
@@ -153,10 +148,11 @@ impl Peaks {
         let all_per_turn = || self.per_turn.iter().chain(&self.per_turn_by_way);
         match parameter.key {
             "frequency-hz" => self.hz.clone(),
-            "periods-per-turn" => {
-                let usual: &[f64] = if parameter.is_whole { &USUAL_PER_TURN } else { &[1.0, 2.0] };
-                all_per_turn().chain(usual).copied().collect()
+            "periods-per-turn" if parameter.is_whole => {
+                all_per_turn().chain(&OF_SCREWS).chain(&self.of_motors).copied().collect()
             }
+            // Of balls that roll, which is friction.
+            "periods-per-turn" => self.per_turn_by_way.iter().copied().chain([parameter.nominal]).collect(),
             "period-mm" => all_per_turn()
                 .map(|per_turn| 1e3 * self.lead_m / per_turn)
                 .chain([1.0, 0.5, 6.0].map(|share| 1e3 * share * self.lead_m))
@@ -165,10 +161,9 @@ impl Peaks {
             "time-constant-s" => [0.15, 0.5, 1.5].map(|share| share * self.session_s).to_vec(),
             "centre-mm" => self.spots_mm.clone(),
             "period-um" => {
-                let all_per_turn = self.per_turn_of_table.iter().chain(&self.per_turn);
-                let peaks = all_per_turn.map(|per_turn| 1e6 * self.lead_m / per_turn);
-                let lines = USUAL_LINES.map(|lines| 1e6 * self.lead_m / lines);
-                peaks.chain(lines).chain(USUAL_PERIODS_UM).collect()
+                let [of_table, of_motor] = &self.lines_per_turn;
+                let per_turn = of_table.iter().chain(&self.per_turn).chain(of_motor).chain(&self.usual_lines);
+                per_turn.map(|per_turn| 1e6 * self.lead_m / per_turn).collect()
             }
             _ => Vec::new(),
         }
@@ -180,6 +175,53 @@ impl Peaks {
     pub(super) fn loudest_hz(&self) -> Option<f64> {
         self.loudest_hz
     }
+}
+
+/// Spectra of what is left, of each signal that of all runs, each run as loud as another.
+struct Spectra {
+    powers: Vec<Vec<f64>>,
+    /// Values to a unit.
+    per_unit: f64,
+    runs: usize,
+}
+
+impl Spectra {
+    fn of(runs: &[Left], per_unit: f64, of_run: fn(&Left) -> &[Vec<f64>]) -> Self {
+        let of_signal = |signal: usize| {
+            let sums = runs.iter().map(|run| of_run(run)[signal].as_slice());
+            evened(&sums.collect::<Vec<_>>())
+        };
+        let signals = runs.first().map_or(0, |run| of_run(run).len());
+        Self { powers: (0..signals).filter_map(of_signal).collect(), per_unit, runs: runs.len() }
+    }
+
+    fn step(&self, power: &[f64]) -> f64 {
+        self.per_unit / (2 * power.len()) as f64
+    }
+
+    /// Those within a range that stand out most, and how many times what is about them they are.
+    fn peaks(&self, range: [f64; 2]) -> Vec<(f64, f64)> {
+        let tops = |power: &Vec<f64>| tops(power, self.step(power), range, above(self.runs));
+        most_plain(self.powers.iter().flat_map(tops).collect())
+    }
+
+    /// Power at a frequency, of the signal that has most of it; that of noise is the same at all.
+    fn power(&self, at: f64) -> f64 {
+        let of_signal = |power: &Vec<f64>| {
+            let line = (at / self.step(power)) as usize;
+            let about = line.saturating_sub(1)..=line + 2;
+            about.filter_map(|line| power.get(line).copied()).fold(0.0, f64::max)
+        };
+        self.powers.iter().map(of_signal).fold(0.0, f64::max)
+    }
+}
+
+/// Those of some frequencies at which spectra have most power.
+fn loudest(mut usual: Vec<f64>, spectra: &[&Spectra]) -> Vec<f64> {
+    let power = |at: f64| spectra.iter().map(|one| one.power(at)).fold(0.0, f64::max);
+    usual.sort_by(|a, b| power(*b).total_cmp(&power(*a)));
+    usual.truncate((TRIED * usual.len() as f64).ceil() as usize);
+    usual
 }
 
 /// From the begin of the first run to the end of the last, s.
@@ -385,6 +427,30 @@ mod tests {
     }
 
     #[test]
+    fn of_what_is_usual_that_is_tried_at_which_most_is_left() {
+        // Too little for a peak: a fiftieth of the noise.
+        let runs = |order: f64| {
+            let mut random = Pcg64Mcg::seed_from_u64(1);
+            let mut value = |bin: usize| {
+                (TAU * order * bin as f64 / BINS_PER_TURN).sin() / 90.0 + random.random_range(-1.0..1.0)
+            };
+            let mut run = |_| Left {
+                in_time: Vec::new(),
+                by_place: [vec![(0..30_000).map(&mut value).collect()], Vec::new()],
+                by_table: Vec::new(),
+                by_way: Vec::new(),
+            };
+            (0..4).map(&mut run).collect::<Vec<_>>()
+        };
+        for order in [8.0, 36.0] {
+            let spectra = Spectra::of(&runs(order), BINS_PER_TURN, |run| &run.by_place[0]);
+            assert!(spectra.peaks(PER_TURN).iter().all(|(peak, _)| (peak / order - 1.0).abs() > SAME));
+            let tried = loudest(OF_MOTORS.to_vec(), &[&spectra]);
+            assert!(tried.len() == 4 && tried.contains(&order), "{order}: {tried:?}");
+        }
+    }
+
+    #[test]
     fn what_turns_with_the_way_has_its_peak_where_the_way_counts() {
         const LEAD_M: f64 = 0.01;
         let (order, rows) = (6.616, 40_000);
@@ -399,7 +465,7 @@ mod tests {
         let values: Vec<f64> = (0..rows).map(value).collect();
         let peaks = |sign: &dyn Fn(f64) -> f64| {
             let power = evened(&[&by_bins(&values, &positions_m, sign, LEAD_M)]).expect("values");
-            most_plain(tops(&power, BINS_PER_TURN / (2 * power.len()) as f64, PER_TURN[0], ABOVE))
+            most_plain(tops(&power, BINS_PER_TURN / (2 * power.len()) as f64, PER_TURN, ABOVE))
         };
         let found = peaks(&f64::signum);
         assert!((found[0].0 / order - 1.0).abs() < SAME, "{found:?}");
