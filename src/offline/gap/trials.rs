@@ -94,16 +94,17 @@ pub(super) fn phase_of(entry: &Entry) -> Option<usize> {
     entry.parameters.iter().position(|parameter| parameter.unit == "deg")
 }
 
-/// The values of a trial: once, or at each of three phases.
+/// The values of a trial: once, or at each of three phases; at two a quarter of a turn apart of what the table scale alone shows, which is linear, for
+/// no axis moves by it.
 pub(super) fn variants(entry: &Entry, values: Values) -> Vec<Values> {
     let Some(place) = phase_of(entry) else { return vec![values] };
-    turned::PHASES_DEG
-        .map(|phase| {
-            let mut values = values;
-            values[place] = phase;
-            values
-        })
-        .to_vec()
+    let phases_deg: &[f64] = if entry.is_of_table_scale() { &[0.0, 90.0] } else { &turned::PHASES_DEG };
+    let at = |phase_deg: &f64| {
+        let mut values = values;
+        values[place] = *phase_deg;
+        values
+    };
+    phases_deg.iter().map(at).collect()
 }
 
 #[cfg(test)]
@@ -129,6 +130,17 @@ mod tests {
         let seeds = seeds(entry, &|_| vec![8.0, 20.0 + 1e-9, 12.7, 20.0, entry.parameters[1].nominal, 8.0]);
         let periods: Vec<f64> = seeds.iter().map(|seed| seed[1]).collect();
         assert_eq!(periods, [entry.parameters[1].nominal, 8.0, 20.0 + 1e-9, 12.7]);
+    }
+
+    #[test]
+    fn what_the_table_scale_alone_shows_has_two_phases_a_quarter_of_a_turn_apart() {
+        let phases = |name: &str| -> Vec<f64> {
+            let entry = entry(name).expect("an effect");
+            let place = phase_of(entry).expect("a phase");
+            variants(entry, entry.nominal()).iter().map(|values| values[place]).collect()
+        };
+        assert_eq!(phases("pitch-error"), [0.0, 90.0]);
+        assert_eq!(phases("encoder-eccentricity"), turned::PHASES_DEG, "loops follow their encoder");
     }
 
     #[test]
