@@ -9,11 +9,11 @@ use tracing::debug;
 use super::blocks::Blocks;
 use super::candidate::{self, Candidate};
 use super::fit::{self, Effort, Fitted, believed, fit, total_of};
-use super::gates;
+use super::gates::{self, PLAIN};
 use super::linear::Linear;
 use super::model::Model;
 use super::problem::{Part, Problem};
-use super::refit::ITERATIONS;
+use super::refit::{ITERATIONS, is_noise};
 use super::shortlist::{Scored, shortlist};
 use super::smallest::Smallest;
 use super::spectrum::Peaks;
@@ -23,7 +23,8 @@ use super::spectrum::Peaks;
 /// the second share are fitted to all rows, and the others where none of these passes.
 const FITTED: usize = 6;
 const SHARES: [f64; 2] = [0.1, 0.6];
-/// What leaves so many times as much as another candidate has no prospect beside it.
+/// What leaves so many times as much as another candidate has no prospect beside it; beside one that leaves noise, what plainly leaves more has
+/// none.
 const HOPELESS: f64 = 20.0;
 /// Iterations of a candidate that is fitted to few rows, before it may be dropped.
 const FEW: usize = 2;
@@ -121,15 +122,26 @@ fn screened(once: &Problem<'_>, here: &Linear, listed: &[Scored]) -> [Vec<Model>
     begun.retain(|(one, _)| explained(one) > least || is_sure(one));
     let mut ended: Vec<Fitted> = begun.into_par_iter().map(ended).collect();
     ended.retain(|one| explained(one) > 0.0 || is_sure(one));
+    for Fitted { model, total, cost, .. } in &ended {
+        debug!(law = gates::last_of(model), total, cost, rows, without, "fitted to few rows");
+    }
     let least = SHARES[1] * best(&mut ended.iter());
-    let hopeless = HOPELESS * ended.iter().map(|one| one.total).fold(f64::INFINITY, f64::min);
+    let hopeless = hopeless(once, &ended);
     let (most, less): (Vec<Fitted>, Vec<Fitted>) =
         ended.into_iter().partition(|one| explained(one) >= least && one.total < hopeless);
     [most, less].map(|all| all.into_iter().map(|fitted| fitted.model).collect())
 }
 
+/// What leaves so much and more has no prospect beside these.
+fn hopeless(once: &Problem<'_>, ended: &[Fitted]) -> f64 {
+    let deepest = ended.iter().min_by(|a, b| a.total.total_cmp(&b.total));
+    deepest.map_or(f64::INFINITY, |one| one.total * if is_noise(once, one) { PLAIN } else { HOPELESS })
+}
+
 #[cfg(test)]
 mod tests {
+    use nalgebra::DMatrix;
+
     use super::super::model::Tried;
     use super::super::sensors::tests::{showing, swinging};
     use super::super::usual;
@@ -151,6 +163,23 @@ mod tests {
         let found = best[0].effects.last().expect("an effect");
         assert_eq!(found.entry.name, entry.name);
         assert!((found.values[0] - 6.0).abs() < 0.01, "{} %/A", found.values[0]);
+    }
+
+    #[test]
+    fn beside_what_leaves_noise_what_plainly_leaves_more_is_hopeless() {
+        let machine = config::load("paper").expect("a machine");
+        let problem = showing(&swinging(&machine, 5e-3), &Model::new(machine.axes[AxisId::X].plant));
+        let rows = problem.count(Part::Fit) as f64;
+        let hopeless = |per_row: f64| {
+            let left = |total: f64| Fitted {
+                model: Model::new(machine.axes[AxisId::X].plant),
+                cost: total,
+                total,
+                covariance: DMatrix::zeros(0, 0),
+            };
+            hopeless(&problem, &[left(2.0 * per_row * rows), left(per_row * rows)]) / (per_row * rows)
+        };
+        assert!((hopeless(0.9) - PLAIN).abs() < 1e-9 && (hopeless(1.2) - HOPELESS).abs() < 1e-9);
     }
 
     #[test]
