@@ -17,6 +17,7 @@ use super::refit::{ITERATIONS, is_noise};
 use super::shortlist::{Scored, shortlist};
 use super::smallest::Smallest;
 use super::spectrum::Peaks;
+use super::trials::InVain;
 
 /// Candidates that are fitted together with the base to the first pass of each command. Those that explain this share of
 /// what the best of them explains, and the surest, stay after a few iterations from the best of their starts; in the end those of
@@ -42,8 +43,12 @@ pub(super) struct Look<'s, 'm> {
 }
 
 impl Look<'_, '_> {
-    /// The most promising, those that are tried first and the others; and what would have been seen of each effect.
-    pub(super) fn promising(&self, progress: &(dyn Fn(&str) + Sync)) -> ([Vec<Model>; 2], Vec<Smallest>) {
+    /// The most promising, those that are tried first and the others; and what would have been seen of each effect that was not in vain before.
+    pub(super) fn promising(
+        &self,
+        in_vain: &mut InVain,
+        progress: &(dyn Fn(&str) + Sync),
+    ) -> ([Vec<Model>; 2], Vec<Smallest>) {
         let Self { search, searched, at: Fitted { model, .. }, .. } = self;
         let peaks = Peaks::new(search, model);
         let free = Linear::widest(&searched.holding_force(false), model);
@@ -51,7 +56,8 @@ impl Look<'_, '_> {
         let held: Vec<usize> = model.at_reach().collect();
         // All passes tell more than the first of each command.
         let passes = search.count(Part::Fit) as f64 / searched.count(Part::Fit).max(1) as f64;
-        let listed = shortlist(searched, &free.holding(&held), &|parameter| peaks.of(parameter), passes);
+        let peaks = |parameter: &_| peaks.of(parameter);
+        let listed = shortlist(searched, &free.holding(&held), &peaks, passes, in_vain);
         progress("fitting what may be missing");
         let force: Vec<usize> = model.constant_force().into_iter().collect();
         (screened(searched, &free.holding(&force), &listed.scored), listed.smallest)
@@ -158,7 +164,7 @@ mod tests {
         let truth = file.with(Tried { entry, values: [6.0, 0.0, 0.0] });
         let problem = showing(&swinging(&machine, 5e-3), &truth);
         let here = Linear::widest(&problem, &file);
-        let listed = shortlist(&problem, &here, &|_| Vec::new(), 1.0);
+        let listed = shortlist(&problem, &here, &|_| Vec::new(), 1.0, &mut InVain::default());
         let [best, _] = screened(&problem, &here, &listed.scored);
         let found = best[0].effects.last().expect("an effect");
         assert_eq!(found.entry.name, entry.name);

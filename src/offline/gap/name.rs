@@ -30,6 +30,8 @@ use super::refit::{
     ITERATIONS, about, also_from, anew, another_way, base_refitted, beside, coarsely, coarsely_from, ended,
     explains, explains_much, is_noise, refitted, unsettled,
 };
+use super::smallest::Smallest;
+use super::trials::InVain;
 use super::usual;
 use super::without::{Need, Without};
 
@@ -89,7 +91,8 @@ pub fn name<'m>(
     // With the effect that led the base out of its valley, to be asked for again.
     let mut leader: Option<Model> = None;
     let mut effects: Vec<NamedEffect> = Vec::new();
-    let (mut refused, mut smallest) = (Vec::new(), Vec::new());
+    let (mut refused, mut smallest) = (Vec::new(), Vec::<Smallest>::new());
+    let mut in_vain = InVain::default();
     let mut open: Option<(usize, Without)> = None;
     while effects.len() < EFFECTS_MAX {
         progress("looking for what is missing");
@@ -101,8 +104,14 @@ pub fn name<'m>(
             None => (&problem, &once, &model, [&blocks, &alone]),
         };
         let look = Look { search, searched, at, judged };
-        let mut promising;
-        (promising, smallest) = look.promising(progress);
+        in_vain = in_vain.beside(at.total);
+        let (mut promising, seen) = look.promising(&mut in_vain, progress);
+        // By louder noise what is quiet gains nothing.
+        if louder.is_some() {
+            in_vain = InVain::default();
+        }
+        smallest.retain(|before| seen.iter().all(|now| now.name != before.name));
+        smallest.extend(seen);
         // Where it leads to is known, and by a line from here it may not come there.
         if let Some(leader) = leader.take() {
             promising

@@ -17,21 +17,23 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 
 use super::fit::share_that_holds;
-use super::linear::{BLOCK_S, K, Linear, LinearRun, Loss, product};
+use super::linear::{BLOCK_S, Linear};
 use super::model::{Model, Tried};
 use super::problem::{Part, Problem, Residual};
 use super::smallest::{self, Smallest};
-use super::trials::{phase_of, seeds, variants};
+use super::sums::{Beyond, LOSS, Left, Sums, slopes};
+use super::trials::{InVain, Trial, phase_of, seeds, variants};
 use super::turned;
 use super::usual::is_usual;
 use crate::plant::effects::{CATALOGUE, Entry, Parameter, Values};
 
-/// How rows count here: a large effect puts many of them far off, and what explains those is looked for.
-const LOSS: Loss = Loss::straight(K);
-
 /// What gains less, by all passes, is not worth a fit: an amplitude of seven standard deviations gains twice as much. Of small effects
 /// that were named the least had five times as much.
 const LEAST: f64 = 24.0;
+
+/// What swings and gains less than this, by all passes, is in vain. If it does so on every other run it is not simulated on the rest: noise gains 2
+/// there, and what is worth a fit half of [`LEAST`] and mostly much more.
+const IN_VAIN: f64 = 6.0;
 
 /// Rows that say of each other whether a trial changed them by chance, s to either side.
 const NEAR_S: f64 = 0.02;
@@ -75,12 +77,14 @@ impl Scored {
     }
 }
 
-/// Every effect that is not in the model yet, with the best trial of its laws. All passes tell so many times as much as these rows.
-pub fn shortlist(
+/// Every effect that is not in the model yet, with the best trial of its laws. All passes tell so many times as much as these rows. What is in vain is
+/// spared, and kept there.
+pub(super) fn shortlist(
     problem: &Problem<'_>,
     here: &Linear,
     peaks: &dyn Fn(&Parameter) -> Vec<f64>,
     passes: f64,
+    in_vain: &mut InVain,
 ) -> Shortlist {
     let model = &here.model;
     let has = |name: &str| model.effects.iter().any(|tried| tried.entry.name == name);
@@ -98,13 +102,15 @@ pub fn shortlist(
     };
     let shows = |entry: &Entry| problem.has_table() || !entry.is_of_table_scale();
     let unseen = CATALOGUE.iter().filter(|entry| !shows(entry) && entry.law_of.is_none());
-    let trials: Vec<(&'static Entry, Values)> = CATALOGUE
+    let trials: Vec<Trial> = CATALOGUE
         .iter()
         .filter(|entry| !has(entry.name) && !is_further(entry) && !is_second_law(entry) && shows(entry))
         .flat_map(|entry| seeds(entry, peaks).into_iter().map(move |values| (entry, values)))
         .filter(|(entry, values)| !model.has_twin_of(&Tried { entry, values: *values }))
+        .filter(|trial| !in_vain.has(trial))
         .collect();
-    let mut listed = listed(problem, here, &trials, passes);
+    let (mut listed, further) = listed(problem, here, &trials, passes);
+    in_vain.extend(further);
     listed.smallest.extend(unseen.map(|entry| Smallest::of(entry, f64::INFINITY)));
     listed
 }
@@ -112,44 +118,49 @@ pub fn shortlist(
 /// What those of these effects explain that explain most.
 pub(super) fn gain_of(problem: &Problem<'_>, here: &Linear, names: &[&str]) -> f64 {
     let entries = CATALOGUE.iter().filter(|entry| names.contains(&entry.name));
-    let trials: Vec<(&'static Entry, Values)> = entries
+    let trials: Vec<Trial> = entries
         .flat_map(|entry| seeds(entry, &|_| Vec::new()).into_iter().map(move |values| (entry, values)))
         .collect();
-    listed(problem, here, &trials, 1.0).scored.first().map_or(0.0, |best| best.gain)
+    listed(problem, here, &trials, 1.0).0.scored.first().map_or(0.0, |best| best.gain)
 }
 
-/// What such trials say.
-fn listed(
-    problem: &Problem<'_>,
-    here: &Linear,
-    trials: &[(&'static Entry, Values)],
-    passes: f64,
-) -> Shortlist {
+/// What such trials say, and which of them are in vain.
+fn listed(problem: &Problem<'_>, here: &Linear, trials: &[Trial], passes: f64) -> (Shortlist, Vec<Trial>) {
     let model = &here.model;
-    let equations = here.normal(usize::MAX, LOSS).with_beliefs(model);
-    let mut curvature = equations.curvature.clone();
-    for place in 0..curvature.nrows() {
-        curvature[(place, place)] += 1e-9;
-    }
-    let Some(curvature) = curvature.cholesky() else {
-        return Shortlist { scored: Vec::new(), smallest: Vec::new() };
+    let solved = |linear: &Linear| {
+        let equations = linear.normal(usize::MAX, LOSS).with_beliefs(model);
+        let mut curvature = equations.curvature.clone();
+        for place in 0..curvature.nrows() {
+            curvature[(place, place)] += 1e-9;
+        }
+        Some((curvature.cholesky()?, equations))
+    };
+    let Some((curvature, equations)) = solved(here) else {
+        return (Shortlist { scored: Vec::new(), smallest: Vec::new() }, Vec::new());
     };
     // What a problem holds only tells how much could be made up for: moved, it would stay there.
     let moves: Vec<bool> = (0..model.coordinate_count()).map(|at| problem.tells(model, at)).collect();
     let (known, covariance) = ((curvature.clone(), equations.slope, moves), curvature.inverse());
     let places = problem.places(Part::Fit);
+    // Every other run first: a circle one way tells of what swings what that the other way does.
+    let order: Vec<usize> = (0..places.len()).step_by(2).chain((1..places.len()).step_by(2)).collect();
+    let (first, rest) = order.split_at(places.len().div_ceil(2));
+    let half =
+        Linear { model: model.clone(), runs: first.iter().map(|run| here.runs[*run].clone()).collect() };
+    let half = solved(&half).filter(|_| !rest.is_empty());
     let [block, about] = [BLOCK_S, 2.0 * NEAR_S].map(|time_s| problem.rows_in(time_s));
     let left: Vec<Left> = here.runs.par_iter().map(Left::of).collect();
-    let tangents: Vec<DMatrix<f64>> = left
+    let tangents: Vec<DMatrix<f64>> = order
         .par_iter()
-        .zip(&here.runs)
-        .map(|(left, run)| slopes(&left.pulls, run.columns.iter().map(Option::as_deref), block))
+        .map(|run| slopes(&left[*run].pulls, here.runs[*run].columns.iter().map(Option::as_deref), block))
         .collect();
     let tried = trials.par_iter().map(|(entry, values)| {
         let mut sums = Sums::new(model, entry);
-        for (place, (run, left)) in places.iter().zip(here.runs.iter().zip(&left)) {
+        let add = |sums: &mut Sums, number: &usize| {
+            let run = &here.runs[*number];
             let column = |values: Values| {
-                let mut column = problem.residual(*place, &model.with(Tried { entry, values }), Part::Fit);
+                let model = model.with(Tried { entry, values });
+                let mut column = problem.residual(places[*number], &model, Part::Fit);
                 for (column, residual) in column.iter_mut().zip(&run.residual) {
                     column.iter_mut().zip(residual).for_each(|(value, without)| *value -= without);
                 }
@@ -160,22 +171,36 @@ fn listed(
                 Ok(turned) => turned::columns(turned.each_ref(), about).to_vec(),
                 Err(alone) => alone,
             };
-            sums.add(run, left, &columns, block);
-        }
-        let beyond = sums.beyond(&known.0);
+            sums.add(run, &left[*number], &columns, block);
+        };
         // The first trial of an effect is at its usual values.
         let is_first = entry.law_of.is_none() && *values == seeds(entry, &|_| Vec::new())[0];
+        first.iter().for_each(|run| add(&mut sums, run));
+        let is_little = |gain: f64| phase_of(entry).is_some() && passes * gain < IN_VAIN;
+        if let Some((curvature, equations)) = half.as_ref().filter(|_| !is_first)
+            && is_little(sums.beyond(curvature).gain(&sums.slope, &equations.slope))
+        {
+            return (None, None, true);
+        }
+        rest.iter().for_each(|run| add(&mut sums, run));
+        let beyond = sums.beyond(&known.0);
         // What no data tell from an effect that every model has is that one, by another name.
         if let Some(at) = twin_of(model, entry) {
             let share = (sums.crossed[(0, at)] / equations.curvature[(at, at)]).abs();
             let deviation =
                 covariance[(at, at)].sqrt() * values[0].abs() / (share * entry.parameters[0].prior);
-            return (None, is_first.then(|| Smallest::of(entry, deviation)));
+            return (None, is_first.then(|| Smallest::of(entry, deviation)), false);
         }
         let smallest = is_first.then(|| beyond.smallest(entry, values));
-        (sums.scored(beyond, &known, &tangents, model, Tried { entry, values: *values }), smallest)
+        let scored = sums.scored(beyond, &known, &tangents, model, Tried { entry, values: *values });
+        let is_in_vain = is_little(scored.as_ref().map_or(0.0, |scored| scored.gain));
+        (scored, smallest, is_in_vain)
     });
-    let (scored, smallest): (Vec<Option<Scored>>, Vec<Option<Smallest>>) = tried.unzip();
+    let tried: Vec<(Option<Scored>, Option<Smallest>, bool)> = tried.collect();
+    let in_vain = trials.iter().zip(&tried).filter(|(_, (.., is_in_vain))| *is_in_vain);
+    let in_vain: Vec<Trial> = in_vain.map(|(trial, _)| *trial).collect();
+    let (scored, smallest): (Vec<_>, Vec<_>) =
+        tried.into_iter().map(|(scored, smallest, _)| (scored, smallest)).unzip();
     let of_usual = smallest::of_usual(model, &covariance);
     let mut by_name: BTreeMap<&str, Vec<Scored>> = BTreeMap::new();
     for scored in scored.into_iter().flatten() {
@@ -187,7 +212,7 @@ fn listed(
     best.iter_mut().take(SUREST).for_each(|scored| scored.is_sure = true);
     best.sort_by(|a, b| b.gain.total_cmp(&a.gain));
     let smallest = smallest.into_iter().flatten().chain(of_usual);
-    Shortlist { scored: best, smallest: smallest.map(|one| one.by_passes(passes)).collect() }
+    (Shortlist { scored: best, smallest: smallest.map(|one| one.by_passes(passes)).collect() }, in_vain)
 }
 
 /// The best of the trials of one effect, and where the next best leads if that gains nearly as much.
@@ -206,80 +231,17 @@ fn twin_of(model: &Model, entry: &Entry) -> Option<usize> {
     Some(model.first_coordinate(model.effects.iter().position(is_twin)?))
 }
 
-/// What the base cannot make up for of the columns of a trial.
-struct Beyond {
-    /// By coordinate: how the base makes up for the rest.
-    made_up: DMatrix<f64>,
-    /// Products of what it cannot.
-    held: DMatrix<f64>,
-}
-
-impl Beyond {
-    fn smallest(&self, entry: &'static Entry, values: &Values) -> Smallest {
-        // Of two columns a quarter of a period apart the mean, for nobody knows its phase.
-        let seen = (self.held.trace() / self.held.nrows() as f64).sqrt();
-        Smallest::of(entry, values[0].abs() / (entry.parameters[0].prior * seen))
-    }
-}
-
-/// Products over all runs of the columns of a trial: with the tangent, with each other, with what is left.
-struct Sums {
-    crossed: DMatrix<f64>,
-    columns: DMatrix<f64>,
-    slope: DVector<f64>,
-    /// By run: products of each column with what is left of each block, as rows count in the end.
-    blocks: Vec<DMatrix<f64>>,
-}
-
 impl Sums {
-    fn new(model: &Model, entry: &Entry) -> Self {
-        let count = model.coordinate_count();
-        let columns = if phase_of(entry).is_some() { 2 } else { 1 };
-        Self {
-            crossed: DMatrix::zeros(columns, count),
-            columns: DMatrix::zeros(columns, columns),
-            slope: DVector::zeros(columns),
-            blocks: Vec::new(),
-        }
-    }
-
-    fn add(&mut self, run: &LinearRun, left: &Left, columns: &[Residual], block: usize) {
-        for (i, column) in columns.iter().enumerate() {
-            let mut weighed = column.clone();
-            for (weighed, weights) in weighed.iter_mut().zip(&left.weights) {
-                weighed.iter_mut().zip(weights).for_each(|(value, weight)| *value *= weight);
-            }
-            self.slope[i] += products(&weighed, &run.residual);
-            for (j, tangent) in run.columns.iter().enumerate() {
-                self.crossed[(i, j)] += tangent.as_ref().map_or(0.0, |tangent| products(&weighed, tangent));
-            }
-            for (j, other) in columns.iter().enumerate() {
-                self.columns[(i, j)] += products(&weighed, other);
-            }
-        }
-        self.blocks.push(slopes(&left.pulls, columns.iter().map(Some), block));
-    }
-
-    fn beyond(&self, curvature: &Cholesky<f64, Dyn>) -> Beyond {
-        let made_up = curvature.solve(&self.crossed.transpose());
-        let mut held = &self.columns - &self.crossed * &made_up;
-        for place in 0..held.nrows() {
-            held[(place, place)] += 1e-9 + 1e-6 * self.columns[(place, place)];
-        }
-        Beyond { made_up, held }
-    }
-
     fn scored(
         &self,
-        Beyond { made_up, held }: Beyond,
+        beyond: Beyond,
         (curvature, slope, moves): &(Cholesky<f64, Dyn>, DVector<f64>, Vec<bool>),
         tangents: &[DMatrix<f64>],
         model: &Model,
         Tried { entry, values }: Tried,
     ) -> Option<Scored> {
-        let left = made_up.transpose() * slope - &self.slope;
-        let shares = held.cholesky()?.solve(&left);
-        let made_up = &made_up * &shares;
+        let (shares, left) = beyond.shares(&self.slope, slope)?;
+        let made_up = &beyond.made_up * &shares;
         let of_run = |(own, tangents): (&DMatrix<f64>, &DMatrix<f64>)| -> DVector<f64> {
             own.transpose() * &shares - tangents.transpose() * &made_up
         };
@@ -330,55 +292,19 @@ impl Sums {
     }
 }
 
-/// What is left of a run, as all trials ask for it.
-struct Left {
-    /// How much each row weighs here.
-    weights: Residual,
-    /// What is left of it, as it counts in the end.
-    pulls: Residual,
-}
-
-impl Left {
-    fn of(run: &LinearRun) -> Self {
-        let each = |of: fn(&f64) -> f64| -> Residual {
-            run.residual.iter().map(|left| left.iter().map(of).collect()).collect()
-        };
-        Self { weights: each(|left| LOSS.weight(*left)), pulls: each(|left| Loss::LAST.weight(*left) * left) }
-    }
-}
-
-/// Products of columns with what pulls: by column and block of so many rows.
-fn slopes<'r>(
-    pulls: &Residual,
-    columns: impl ExactSizeIterator<Item = Option<&'r Residual>>,
-    block: usize,
-) -> DMatrix<f64> {
-    let rows = pulls.iter().map(Vec::len).max().unwrap_or(0);
-    let mut slopes = DMatrix::zeros(columns.len(), rows.div_ceil(block));
-    for (place, column) in columns.enumerate() {
-        for (pulls, column) in pulls.iter().zip(column.into_iter().flatten()) {
-            for (number, (pulls, by)) in pulls.chunks(block).zip(column.chunks(block)).enumerate() {
-                slopes[(place, number)] += product(pulls, by);
-            }
-        }
-    }
-    slopes
-}
-
 /// How sure a sum is by what it is a sum of, in standard deviations, squared.
 fn sureness(of: impl Iterator<Item = f64>) -> f64 {
     let [sum, squares] = of.fold([0.0; 2], |[sum, squares], one| [sum + one, squares + one * one]);
     sum * sum / squares
 }
 
-fn products(a: &Residual, b: &Residual) -> f64 {
-    a.iter().zip(b).map(|(a, b)| product(a, b)).sum()
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::sensors::tests::{showing, swinging};
     use super::super::usual;
     use super::*;
+    use crate::base::axis::AxisId;
+    use crate::config;
     use crate::plant::effects::entry;
     use crate::plant::tests::paper_axis;
 
@@ -389,6 +315,37 @@ mod tests {
             sureness((0..100).map(|block| if block == 7 { 1_000.0 } else { 1.0 })),
         ];
         assert!((everywhere - 20.0).abs() < 1e-9 && once < 1.3, "{everywhere}, {once}");
+    }
+
+    #[test]
+    fn what_swings_in_vain_is_not_tried_again_and_what_is_there_is() {
+        let machine = config::load("paper").expect("a machine");
+        let file = usual::with(&Model::new(machine.axes[AxisId::X].plant));
+        let cogging = entry("motor-cogging").expect("an effect");
+        let problem = showing(
+            &swinging(&machine, 5e-3),
+            &file.with(Tried { entry: cogging, values: [0.01, 18.0, 40.0] }),
+        );
+        let here = Linear::widest(&problem, &file);
+        let peaks = |parameter: &Parameter| match parameter.key {
+            "periods-per-turn" => vec![18.0, 31.0],
+            _ => Vec::new(),
+        };
+        let mut in_vain = InVain::default().beside(1.0);
+        let mut look = || {
+            let listed = shortlist(&problem, &here, &peaks, 1.0, &mut in_vain);
+            let best =
+                listed.scored[0].starts[0].effects.last().map(|tried| (tried.entry.name, tried.values));
+            (best, listed.smallest.len())
+        };
+        let [(first, all), (again, fewer)] = [look(), look()];
+        assert!(
+            again == first
+                && first.is_some_and(|(name, [_, order, _])| (name, order) == (cogging.name, 18.0))
+        );
+        assert!(fewer < all, "{fewer} of {all} were simulated to the end again");
+        let tried = |order: f64| (cogging, [0.5 * cogging.nominal()[0], order, 0.0]);
+        assert!(in_vain.has(&tried(31.0)) && !in_vain.has(&tried(18.0)));
     }
 
     #[test]
@@ -435,18 +392,5 @@ mod tests {
         let [free, held] = [None, Some(force)].map(of);
         assert!(free[0] != 0.0 && free[1] != 0.0, "{free:?}");
         assert_eq!(held, [0.0, free[1]]);
-    }
-
-    #[test]
-    fn products_are_of_blocks_and_rows_that_are_far_off_count_for_little() {
-        let mut left = vec![1.0; 6];
-        left[4] = 40.0;
-        let column = vec![vec![2.0; 6]];
-        let run = LinearRun { residual: vec![left], columns: Vec::new() };
-        let slopes = slopes(&Left::of(&run).pulls, [None, Some(&column)].into_iter(), 4);
-        assert_eq!(slopes.shape(), (2, 2));
-        assert_eq!([slopes[(0, 0)], slopes[(1, 0)]], [0.0, 8.0]);
-        // Two, and the ten thousandth part of eighty.
-        assert!((slopes[(1, 1)] - 2.008).abs() < 1e-9, "{}", slopes[(1, 1)]);
     }
 }

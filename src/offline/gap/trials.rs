@@ -19,6 +19,38 @@ const SWINGS: ([f64; 8], f64) = ([14.0, 19.0, 26.0, 36.0, 50.0, 70.0, 100.0, 140
 /// Shares of its usual length at which a way over which an axis gives way is tried as well.
 const WAYS: [f64; 4] = [3.0, 0.3, 0.1, 0.03];
 
+/// Share of what a model leaves from which on another leaves nearly as much.
+const NEARLY: f64 = 0.9;
+
+/// An effect with its values.
+pub(super) type Trial = (&'static Entry, Values);
+
+/// Trials of what swings that gained next to nothing beside a model. They are spared beside one that leaves nearly as much: what has been found since
+/// hid no swing that is not its own.
+#[derive(Debug, Default)]
+pub(super) struct InVain {
+    left: f64,
+    trials: Vec<Trial>,
+}
+
+impl InVain {
+    /// Those that still are beside a model that leaves so much.
+    pub(super) fn beside(self, left: f64) -> Self {
+        let trials = if left < NEARLY * self.left { Vec::new() } else { self.trials };
+        Self { left, trials }
+    }
+
+    /// Whether a trial is one.
+    pub(super) fn has(&self, (entry, values): &Trial) -> bool {
+        self.trials.iter().any(|(other, at)| other.name == entry.name && at == values)
+    }
+
+    /// Those too.
+    pub(super) fn extend(&mut self, others: impl IntoIterator<Item = Trial>) {
+        self.trials.extend(others);
+    }
+}
+
 /// Values at which an entry is tried, one amplitude at a time.
 pub(super) fn seeds(entry: &'static Entry, peaks: &dyn Fn(&Parameter) -> Vec<f64>) -> Vec<Values> {
     let mut nominal = entry.nominal();
@@ -141,6 +173,19 @@ mod tests {
         };
         assert_eq!(phases("pitch-error"), [0.0, 90.0]);
         assert_eq!(phases("encoder-eccentricity"), turned::PHASES_DEG, "loops follow their encoder");
+    }
+
+    #[test]
+    fn what_was_in_vain_is_spared_until_much_less_is_left() {
+        let [cogging, ripple] =
+            ["motor-cogging", "torque-ripple"].map(|name| entry(name).expect("an effect"));
+        let at = |order: f64| [0.05, order, 0.0];
+        let mut in_vain = InVain::default().beside(100.0);
+        in_vain.extend([(cogging, at(12.0))]);
+        let in_vain = in_vain.beside(95.0);
+        assert!(in_vain.has(&(cogging, at(12.0))));
+        assert!(!in_vain.has(&(cogging, at(12.1))) && !in_vain.has(&(ripple, at(12.0))));
+        assert!(!in_vain.beside(50.0).has(&(cogging, at(12.0))));
     }
 
     #[test]
