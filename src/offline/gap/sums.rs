@@ -23,7 +23,7 @@ pub(super) struct Beyond {
     /// By coordinate: how the base makes up for the rest.
     pub(super) made_up: DMatrix<f64>,
     /// Products of what it cannot.
-    pub(super) held: DMatrix<f64>,
+    held: DMatrix<f64>,
 }
 
 impl Beyond {
@@ -100,7 +100,7 @@ impl Sums {
 /// What is left of a run, as all trials ask for it.
 pub(super) struct Left {
     /// How much each row weighs here.
-    pub(super) weights: Residual,
+    weights: Residual,
     /// What is left of it, as it counts in the end.
     pub(super) pulls: Residual,
 }

@@ -19,8 +19,8 @@ const SWINGS: ([f64; 8], f64) = ([14.0, 19.0, 26.0, 36.0, 50.0, 70.0, 100.0, 140
 /// Shares of its usual length at which a way over which an axis gives way is tried as well.
 const WAYS: [f64; 4] = [3.0, 0.3, 0.1, 0.03];
 
-/// Share of what a model leaves from which on another leaves nearly as much.
-const NEARLY: f64 = 0.9;
+/// Share of what a model leaves from which on another leaves as much.
+const AS_MUCH: f64 = 0.9;
 
 /// An effect with its values.
 pub(super) type Trial = (&'static Entry, Values);
@@ -36,7 +36,7 @@ pub(super) struct InVain {
 impl InVain {
     /// Those that still are beside a model that leaves so much.
     pub(super) fn beside(self, left: f64) -> Self {
-        let trials = if left < NEARLY * self.left { Vec::new() } else { self.trials };
+        let trials = if left < AS_MUCH * self.left { Vec::new() } else { self.trials };
         Self { left, trials }
     }
 
