@@ -27,6 +27,9 @@ const SHARES: [f64; 2] = [0.1, 0.6];
 /// What leaves so many times as much as another candidate has no prospect beside it; beside one that leaves noise, what plainly leaves more has
 /// none.
 const HOPELESS: f64 = 20.0;
+/// What is sure is fitted to all rows, too, though of few it leaves more than what lacks it, but not where that is more than this share of it: no
+/// way leads from there.
+const NO_MORE: f64 = 5e-3;
 /// Iterations of a candidate that is fitted to few rows, before it may be dropped.
 const FEW: usize = 2;
 
@@ -95,22 +98,35 @@ fn screened(once: &Problem<'_>, here: &Linear, listed: &[Scored]) -> [Vec<Model>
         candidate::fall(without, fitted, fitted.model.numbers() - here.model.numbers(), rows)
     };
     let best = |all: &mut dyn Iterator<Item = &Fitted>| all.map(explained).fold(0.0, f64::max);
-    let begun = |scored: &Scored| {
+    // By each law from the best of its starts.
+    let begun = |scored: &Scored| -> Vec<(Fitted, bool)> {
         let left = scored.starts.par_iter().map(|start| (total_of(once, start), start));
-        let left: Vec<(f64, &Model)> = left.collect();
-        let (_, start) = left.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)).expect("it has been tried");
-        fit::ending(once, start, Effort::Coarse(FEW), Some(here))
+        let mut left: Vec<(f64, &Model)> = left.collect();
+        left.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let law = |place: usize| gates::last_of(left[place].1);
+        let is_first = |place: &usize| (0..*place).all(|before| law(before) != law(*place));
+        let of_laws: Vec<usize> = (0..left.len()).filter(is_first).collect();
+        let begun = |place: usize| fit::ending(once, left[place].1, Effort::Coarse(FEW), Some(here));
+        of_laws.into_par_iter().map(begun).collect()
     };
     let ended = |(begun, has_ended): (Fitted, bool)| {
         let effort = Effort::Coarse(ITERATIONS[1] - FEW);
         if has_ended { begun } else { fit(once, &begun.model, effort, Some(here)) }
     };
     let tried = listed.par_iter().enumerate().filter(|(place, one)| *place < FITTED || one.is_sure);
-    let mut begun: Vec<(Fitted, bool)> = tried.map(|(_, one)| begun(one)).collect();
-    // By another law, too: a start may be of either.
-    let is_sure = |fitted: &Fitted| {
-        listed.iter().any(|one| one.is_sure && Some(one.entry().effect()) == fitted.model.last_effect())
+    let mut begun: Vec<(Fitted, bool)> = tried.flat_map(|(_, one)| begun(one)).collect();
+    // Of what is sure, the law that leaves least.
+    let sure = |among: &mut dyn Iterator<Item = &Fitted>| -> Vec<&'static str> {
+        let among: Vec<&Fitted> = among.collect();
+        let of_effect = |one: &Scored| {
+            let is_of = |fitted: &&&Fitted| fitted.model.last_effect() == Some(one.entry().effect());
+            let least = among.iter().filter(is_of).min_by(|a, b| a.total.total_cmp(&b.total));
+            least.and_then(|fitted| gates::last_of(&fitted.model))
+        };
+        listed.iter().filter(|one| one.is_sure).filter_map(of_effect).collect()
     };
+    let is_of =
+        |fitted: &Fitted, laws: &[&str]| gates::last_of(&fitted.model).is_some_and(|law| laws.contains(&law));
     // What is alike is tried from where the other went: where one leads far from the base, the linear estimate of the
     // other may not.
     let alike: Vec<Model> = begun.iter().flat_map(|(one, _)| one.model.with_last_as_alike()).collect();
@@ -125,9 +141,11 @@ fn screened(once: &Problem<'_>, here: &Linear, listed: &[Scored]) -> [Vec<Model>
         }
     }
     let least = SHARES[0] * best(&mut begun.iter().map(|(one, _)| one));
-    begun.retain(|(one, _)| explained(one) > least || is_sure(one));
+    let laws = sure(&mut begun.iter().map(|(one, _)| one));
+    begun.retain(|(one, _)| explained(one) > least || is_of(one, &laws));
     let mut ended: Vec<Fitted> = begun.into_par_iter().map(ended).collect();
-    ended.retain(|one| explained(one) > 0.0 || is_sure(one));
+    let laws = sure(&mut ended.iter());
+    ended.retain(|one| explained(one) > 0.0 || is_of(one, &laws) && one.total < (1.0 + NO_MORE) * without);
     for Fitted { model, total, cost, .. } in &ended {
         debug!(law = gates::last_of(model), total, cost, rows, without, "fitted to few rows");
     }
@@ -146,15 +164,21 @@ fn hopeless(once: &Problem<'_>, ended: &[Fitted]) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::DMatrix;
+    use std::sync::Arc;
 
+    use nalgebra::DMatrix;
+    use rand::SeedableRng;
+    use rand_distr::{Distribution, StandardNormal};
+    use rand_pcg::Pcg64Mcg;
+
+    use super::super::forward::Signals;
     use super::super::model::Tried;
     use super::super::sensors::tests::{showing, swinging};
     use super::super::usual;
     use super::*;
     use crate::base::axis::AxisId;
     use crate::config;
-    use crate::plant::effects::entry;
+    use crate::plant::effects::{Values, entry};
 
     #[test]
     fn an_effect_that_is_far_from_straight_is_begun_a_part_of_its_way() {
@@ -189,21 +213,54 @@ mod tests {
     }
 
     #[test]
-    fn the_surest_is_kept_by_whichever_law_it_goes_on() {
+    fn an_effect_is_begun_by_each_of_its_laws() {
         let machine = config::load("paper").expect("a machine");
         let file = usual::with(&Model::new(machine.axes[AxisId::X].plant));
-        let problem = showing(&swinging(&machine, 5e-3), &file);
-        let here = Linear::widest(&problem, &file);
         let with = |name: &str, amplitude: f64| {
             file.with(Tried { entry: entry(name).expect("an effect"), values: [amplitude, 47.0, 0.0] })
         };
-        let starts = vec![with("torque-disturbance", 0.5), with("torque-disturbance-push", 0.1)];
-        for is_sure in [false, true] {
-            let scored = Scored { starts: starts.clone(), gain: 200.0, sureness: 60.0, is_sure };
-            let kept = screened(&problem, &here, &[scored]).concat();
-            let names: Vec<_> = kept.iter().filter_map(gates::last_of).collect();
-            let wanted: &[&str] = if is_sure { &["torque-disturbance-push"] } else { &[] };
-            assert_eq!(names, wanted, "it explains nothing");
+        let [motor, push] = ["torque-disturbance", "torque-disturbance-push"];
+        let problem = showing(&swinging(&machine, 5e-3), &with(push, 300.0));
+        let here = Linear::widest(&problem, &file);
+        let starts = vec![with(motor, 0.45), with(push, 30.0)];
+        let [by_motor, by_push] = [0, 1].map(|start: usize| total_of(&problem, &starts[start]));
+        assert!(by_motor < by_push, "the wrong law leaves less: {by_motor} and {by_push}");
+        let scored = Scored { starts, gain: 200.0, sureness: 60.0, is_sure: false };
+        let [most, _] = screened(&problem, &here, &[scored]);
+        let found = most.iter().map(|model| model.effects.last().expect("an effect"));
+        let found: Vec<_> = found.filter(|tried| tried.entry.name == push).collect();
+        assert_eq!(found.len(), 1, "{most:?}");
+        assert!((found[0].values[0] / 300.0 - 1.0).abs() < 1e-3, "{:?}", found[0].values);
+    }
+
+    #[test]
+    fn the_surest_is_kept_by_the_law_that_leaves_least_unless_it_leads_nowhere() {
+        let machine = config::load("paper").expect("a machine");
+        let file = usual::with(&Model::new(machine.axes[AxisId::X].plant));
+        let with =
+            |name: &str, values: Values| file.with(Tried { entry: entry(name).expect("an effect"), values });
+        // What is left is noise.
+        let silent = showing(&swinging(&machine, 5e-3), &file);
+        let mut data = silent.data[0].clone();
+        let mut random = Pcg64Mcg::seed_from_u64(4);
+        let Signals { following_error_m, deflection_m, current_a } = &mut data.measured;
+        for (signal, loud) in [(following_error_m, 1e-7), (deflection_m, 1e-7), (current_a, 0.05)] {
+            for value in signal {
+                let by: f64 = StandardNormal.sample(&mut random);
+                *value += loud * by;
+            }
+        }
+        let problem = silent.with_data(Arc::new(vec![data]));
+        let here = Linear::widest(&problem, &file);
+        let kept = |starts: &[Model], is_sure: bool| -> usize {
+            let scored = Scored { starts: starts.to_vec(), gain: 200.0, sureness: 60.0, is_sure };
+            screened(&problem, &here, &[scored]).concat().len()
+        };
+        let swings = [("torque-disturbance", 0.5), ("torque-disturbance-push", 0.1)]
+            .map(|(name, amplitude)| with(name, [amplitude, 47.0, 0.0]));
+        let stuck = [with("presliding", [40.0, 0.0, 0.0])];
+        for (starts, is_sure, wanted) in [(&swings[..], false, 0), (&swings, true, 1), (&stuck, true, 0)] {
+            assert_eq!(kept(starts, is_sure), wanted, "{starts:?}");
         }
     }
 }

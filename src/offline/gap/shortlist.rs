@@ -38,8 +38,10 @@ const IN_VAIN: f64 = 6.0;
 /// Rows that say of each other whether a trial changed them by chance, s to either side.
 const NEAR_S: f64 = 0.02;
 
-/// Share of the gain of the best trial of an effect from which on another one may lead further.
+/// Share of the gain of the best trial of an effect from which on the next one may lead further, and from which on the best by another law may:
+/// a line from here tells less of which law it is than of which values.
 const NEARLY: f64 = 0.5;
+const BY_ANOTHER_LAW: f64 = 0.1;
 
 /// Part of the way to where the linear estimate leads.
 const PART: f64 = 0.25;
@@ -59,8 +61,8 @@ pub struct Shortlist {
 #[derive(Clone, Debug)]
 pub struct Scored {
     /// With the values that the linear estimate gives it, beside a model that makes room, beside one as it was, and a part of the first
-    /// way, for an effect that is far from straight over all of it; then the first of another trial that gains nearly as much, for there
-    /// the gain does not tell which leads further either.
+    /// way, for an effect that is far from straight over all of it; then the first of other trials of which the gain does not tell whether
+    /// they lead further either.
     pub starts: Vec<Model>,
     /// By how much the cost falls, if all were linear.
     pub gain: f64,
@@ -176,8 +178,9 @@ fn listed(problem: &Problem<'_>, here: &Linear, trials: &[Trial], passes: f64) -
         // The first trial of an effect is at its usual values.
         let is_first = entry.law_of.is_none() && *values == seeds(entry, &|_| Vec::new())[0];
         first.iter().for_each(|run| add(&mut sums, run));
-        let is_little = |gain: f64| phase_of(entry).is_some() && passes * gain < IN_VAIN;
-        if let Some((curvature, equations)) = half.as_ref().filter(|_| !is_first)
+        let swings = phase_of(entry).is_some();
+        let is_little = |gain: f64| swings && passes * gain < IN_VAIN;
+        if let Some((curvature, equations)) = half.as_ref().filter(|_| swings && !is_first)
             && is_little(sums.beyond(curvature).gain(&sums.slope, &equations.slope))
         {
             return (None, None, true);
@@ -215,13 +218,20 @@ fn listed(problem: &Problem<'_>, here: &Linear, trials: &[Trial], passes: f64) -
     (Shortlist { scored: best, smallest: smallest.map(|one| one.by_passes(passes)).collect() }, in_vain)
 }
 
-/// The best of the trials of one effect, and where the next best leads if that gains nearly as much.
+/// The best of the trials of one effect, and where others lead: the next best, if that gains nearly as much, and the best by each other law.
 fn best_of(mut trials: Vec<Scored>) -> Option<Scored> {
     trials.sort_by(|a, b| b.gain.total_cmp(&a.gain));
     let mut trials = trials.into_iter();
     let mut best = trials.next()?;
-    let next = trials.next().filter(|next| next.gain > NEARLY * best.gain);
-    best.starts.extend(next.and_then(|next| next.starts.into_iter().next()));
+    let mut laws = vec![best.entry().name];
+    for (place, other) in trials.enumerate() {
+        let is_next = place == 0 && other.gain > NEARLY * best.gain;
+        let law = other.entry().name;
+        if is_next || !laws.contains(&law) && other.gain > BY_ANOTHER_LAW * best.gain {
+            best.starts.extend(other.starts.into_iter().next());
+        }
+        laws.push(law);
+    }
     Some(best)
 }
 
@@ -349,22 +359,29 @@ mod tests {
     }
 
     #[test]
-    fn another_trial_that_gains_nearly_as_much_is_another_start() {
+    fn another_trial_that_gains_nearly_as_much_or_is_by_another_law_is_another_start() {
         let model = Model::new(paper_axis());
-        let trial = |gain: f64, starts: usize| Scored {
-            starts: vec![model.clone(); starts],
-            gain,
-            sureness: gain,
-            is_sure: false,
+        let trial = |(name, gain): (&str, f64)| {
+            let entry = entry(name).expect("an effect");
+            let with = model.with(Tried { entry, values: [gain, 0.0, 0.0] });
+            Scored { starts: vec![with; 2], gain, sureness: gain, is_sure: false }
         };
-        let starts = |gains: [f64; 3]| {
-            let best =
-                best_of(gains.iter().zip([1, 2, 4]).map(|(gain, count)| trial(*gain, count)).collect());
-            best.map(|best| (best.gain, best.starts.len()))
+        let starts = |trials: &[(&str, f64)]| -> Option<(f64, Vec<(&str, f64)>)> {
+            let best = best_of(trials.iter().map(|one| trial(*one)).collect())?;
+            let last = |start: &Model| start.effects.last().map(|tried| (tried.entry.name, tried.values[0]));
+            Some((best.gain, best.starts.iter().skip(2).filter_map(last).collect()))
         };
-        assert_eq!(starts([3.0, 9.0, 6.0]), Some((9.0, 2 + 1)), "where the second leads, too");
-        assert_eq!(starts([3.0, 9.0, 4.0]), Some((9.0, 2)), "the best alone");
-        assert!(best_of(Vec::new()).is_none());
+        let [give, push] = ["cross-coupling", "cross-coupling-push"];
+        for (trials, others) in [
+            (&[(give, 3.0), (give, 9.0), (give, 6.0)][..], &[(give, 6.0)][..]),
+            (&[(give, 3.0), (give, 9.0), (give, 4.0)], &[]),
+            (&[(push, 3.0), (give, 9.0), (push, 2.0), (give, 4.0)], &[(push, 3.0)]),
+            (&[(push, 8.0), (give, 9.0), (push, 7.0)], &[(push, 8.0)]),
+            (&[(push, 0.8), (give, 9.0)], &[]),
+        ] {
+            assert_eq!(starts(trials), Some((9.0, others.to_vec())), "{trials:?}");
+        }
+        assert!(starts(&[]).is_none());
     }
 
     #[test]
