@@ -140,10 +140,22 @@ fn screened(once: &Problem<'_>, here: &Linear, listed: &[Scored]) -> [Vec<Model>
             None => begun.push(other),
         }
     }
+    // So is what shares with an effect that is there already, which moves that one far from where its derivatives are known.
+    let shared: Vec<Model> = begun.iter().flat_map(|(one, _)| one.model.with_last_sharing()).collect();
+    let shared: Vec<Fitted> =
+        shared.par_iter().map(|one| fit(once, one, Effort::Coarse(ITERATIONS[1]), None)).collect();
     let least = SHARES[0] * best(&mut begun.iter().map(|(one, _)| one));
     let laws = sure(&mut begun.iter().map(|(one, _)| one));
     begun.retain(|(one, _)| explained(one) > least || is_of(one, &laws));
     let mut ended: Vec<Fitted> = begun.into_par_iter().map(ended).collect();
+    for other in shared {
+        let is_same = |one: &&mut Fitted| gates::last_of(&one.model) == gates::last_of(&other.model);
+        match ended.iter_mut().find(is_same) {
+            Some(one) if one.total <= other.total => {}
+            Some(one) => *one = other,
+            None => ended.push(other),
+        }
+    }
     let laws = sure(&mut ended.iter());
     ended.retain(|one| explained(one) > 0.0 || is_of(one, &laws) && one.total < (1.0 + NO_MORE) * without);
     for Fitted { model, total, cost, .. } in &ended {
@@ -231,6 +243,26 @@ mod tests {
         let found: Vec<_> = found.filter(|tried| tried.entry.name == push).collect();
         assert_eq!(found.len(), 1, "{most:?}");
         assert!((found[0].values[0] / 300.0 - 1.0).abs() < 1e-3, "{:?}", found[0].values);
+    }
+
+    #[test]
+    fn what_stood_for_two_effects_shares_with_the_second() {
+        let machine = config::load("paper").expect("a machine");
+        let file = usual::with(&Model::new(machine.axes[AxisId::X].plant));
+        let with = |model: &Model, name: &str, values: Values| {
+            model.with(Tried { entry: entry(name).expect("an effect"), values })
+        };
+        let both = |play_um: f64, zone: Values| {
+            with(&with(&file, "backlash", [play_um, 0.0, 0.0]), "soft-zone", zone)
+        };
+        let problem = showing(&swinging(&machine, 5e-3), &both(4.0, [70.0, 2.0, 0.0]));
+        let play = fit(&problem, &with(&file, "backlash", [6.5, 0.0, 0.0]), Effort::Fine, None);
+        let here = Linear::widest(&problem, &play.model);
+        let starts = vec![with(&play.model, "soft-zone", [30.0, 0.5, 0.0])];
+        let scored = Scored { starts, gain: 200.0, sureness: 60.0, is_sure: false };
+        let [most, _] = screened(&problem, &here, &[scored]);
+        let found: Vec<Values> = most[0].effects.iter().map(|one| one.values).collect();
+        assert!((found[2][0] - 4.0).abs() < 0.2 && (found[3][1] - 2.0).abs() < 0.2, "{found:?}");
     }
 
     #[test]

@@ -65,6 +65,27 @@ pub struct Tried {
     pub values: Values,
 }
 
+impl Tried {
+    /// Each effect that changes much the same, as large as it may be.
+    fn alike(&self) -> impl Iterator<Item = Self> {
+        let Self { entry: Entry { name: of, .. }, values: own } = *self;
+        ALIKE.iter().filter(move |(name, ..)| name == of).filter_map(move |(_, other, to)| {
+            let (entry, mut values) = (entry(other)?, to(&own));
+            for (value, Parameter { bounds: [low, high], .. }) in values.iter_mut().zip(entry.parameters) {
+                *value = value.clamp(*low, *high);
+            }
+            let is_there = entry.name == *of && values == own;
+            (!is_there).then_some(Self { entry, values })
+        })
+    }
+
+    /// Half of it.
+    fn half(mut self) -> Self {
+        self.entry.amplitudes().for_each(|place| self.values[place] *= 0.5);
+        self
+    }
+}
+
 /// A plant that is fitted: a file's, base coordinates, effects.
 #[derive(Clone, Debug)]
 pub struct Model {
@@ -159,24 +180,27 @@ impl Model {
 
     /// The same with each effect that is like its last one in that one's place, as large as it may be.
     pub fn with_last_as_alike(&self) -> impl Iterator<Item = Self> {
-        let alike = |last: &Tried| {
-            let Tried { entry: Entry { name: of, .. }, values: last } = *last;
-            let alike = ALIKE.iter().filter(move |(name, ..)| name == of);
-            alike.filter_map(move |(_, other, to)| {
-                let (entry, mut values) = (entry(other)?, to(&last));
-                for (value, Parameter { bounds: [low, high], .. }) in values.iter_mut().zip(entry.parameters)
-                {
-                    *value = value.clamp(*low, *high);
-                }
-                let is_there = entry.name == *of && values == last;
-                (!is_there).then_some(Tried { entry, values })
-            })
-        };
         self.effects
             .last()
             .into_iter()
-            .flat_map(alike)
+            .flat_map(Tried::alike)
             .map(|tried| self.without(self.effects.len() - 1).with(tried))
+    }
+
+    /// The same where another effect has given half of itself to the last one, which changes much the same: what is named first does what both
+    /// do, and a line from there does not lead to where each does its own.
+    pub(super) fn with_last_sharing(&self) -> Vec<Self> {
+        let Some((last, others)) = self.effects.split_last() else { return Vec::new() };
+        let sharing = |(place, other): (usize, &Tried)| {
+            let half = other.half();
+            let given = half.alike().find(|given| given.entry.name == last.entry.name)?;
+            let mut model = self.clone();
+            model.effects[place] = half;
+            *model.effects.last_mut()? = given;
+            Some(model)
+        };
+        let is_another = |(_, other): &(usize, &Tried)| other.entry.effect() != last.entry.effect();
+        others.iter().enumerate().filter(is_another).filter_map(sharing).collect()
     }
 
     /// The same with what a table scale cannot tell from its last effect in that one's place: an encoder that swings once a turn and a
@@ -476,6 +500,29 @@ mod tests {
         let grown = alone.with(tried("thermal-growth")).with_last_as_alike().next().expect("a scale");
         assert_eq!((grown.effects[0].entry.name, grown.effects[0].values[0]), ("scale-error", 700.0));
         assert_eq!(alone.with(tried("stribeck")).with_last_as_alike().count(), 0);
+    }
+
+    #[test]
+    fn what_is_alike_takes_a_half_of_what_is_there_already() {
+        let with = |model: Model, name: &str, values: Values| {
+            model.with(Tried { entry: entry(name).expect("an effect"), values })
+        };
+        let file = Model::new(paper_axis());
+        let ripple = with(file.clone(), "screw-ripple", [2.0, 1.0, 30.0]);
+        let play = with(ripple.clone(), "backlash", [6.0, 0.0, 0.0]);
+        let values = |model: &Model| -> Vec<Values> { model.effects.iter().map(|one| one.values).collect() };
+        let sharing = with(play.clone(), "soft-zone", [35.0, 0.8, 0.0]).with_last_sharing();
+        assert_eq!(sharing.len(), 1);
+        // Three micrometres of play, and as much in a zone of two and a half to either side, as soft as usual.
+        assert_eq!(values(&sharing[0]), [[2.0, 1.0, 30.0], [3.0, 0.0, 0.0], [60.0, 2.5, 0.0]]);
+        for other in [
+            with(play, "motor-cogging", [0.1, 12.0, 0.0]),
+            with(ripple, "soft-zone", [35.0, 0.8, 0.0]),
+            // Two laws of one effect.
+            with(with(file, "presliding", [0.1, 0.0, 0.0]), "presliding-with-memory", [0.4, 1.5, 0.0]),
+        ] {
+            assert!(other.with_last_sharing().is_empty(), "{:?}", values(&other));
+        }
     }
 
     #[test]
