@@ -2,6 +2,8 @@
 //!
 //! Invariant: what passed every gate has a name, and what failed one says which.
 
+use std::collections::BTreeSet;
+
 use super::fit::{Fitted, scale};
 use super::gates::Gate;
 use super::model::{Model, Tried};
@@ -78,11 +80,21 @@ pub(super) fn fall(without: f64, with: &Fitted, numbers: usize, rows: usize) -> 
     (without - with.total) / scale(with.cost, rows) - numbers as f64 * (rows.max(1) as f64).ln()
 }
 
+/// Of the laws that each effect may follow the one that is best for what its numbers cost; what falls furthest first.
+pub(super) fn best_laws(without: f64, mut all: Vec<Fitted>, rows: usize) -> Vec<Fitted> {
+    let fall = |one: &Fitted| fall(without, one, one.model.numbers(), rows);
+    all.sort_by(|a, b| fall(b).total_cmp(&fall(a)));
+    let mut seen = BTreeSet::new();
+    all.retain(|fitted| seen.insert(fitted.model.last_effect()));
+    all
+}
+
 #[cfg(test)]
 mod tests {
     use nalgebra::DMatrix;
 
     use super::*;
+    use crate::plant::effects::entry;
     use crate::plant::tests::paper_axis;
 
     #[test]
@@ -102,6 +114,26 @@ mod tests {
                 Candidate { fitted: fitted.clone(), held: 0.0, evidence, failed: failed.to_vec() };
             assert_eq!(candidate.shows_something(), shows, "{failed:?}, {evidence}");
             assert_eq!(candidate.is_doubtful(), is_doubtful, "{failed:?}");
+        }
+    }
+
+    #[test]
+    fn a_law_of_more_numbers_must_be_worth_them() {
+        const ROWS: usize = 1_000;
+        let left = |law: &str, total: f64| {
+            let tried = Tried { entry: entry(law).expect("an effect"), values: [5.0, 30.0, 0.0] };
+            let model = Model::new(paper_axis()).with(tried);
+            Fitted { model, cost: total, total, covariance: DMatrix::identity(1, 1) }
+        };
+        let [slope, wave, other] =
+            ["position-dependent-friction", "position-dependent-friction-wave", "motor-cogging"];
+        // Two numbers more cost fourteen rows.
+        for (by_wave, wanted) in [(995.0, [slope, other]), (960.0, [wave, other])] {
+            let all = vec![left(slope, 1_000.0), left(wave, by_wave), left(other, 1_100.0)];
+            let best = best_laws(2_000.0, all, ROWS);
+            let best: Vec<_> =
+                best.iter().filter_map(|one| Some(one.model.effects.last()?.entry.name)).collect();
+            assert_eq!(best, wanted, "{by_wave}");
         }
     }
 }

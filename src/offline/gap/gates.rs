@@ -5,7 +5,6 @@
 //! Invariant: a function of fits and rows alone; the same candidate passes the same gates.
 
 use std::cell::LazyCell;
-use std::collections::BTreeSet;
 use std::fmt;
 
 use rayon::prelude::*;
@@ -176,13 +175,9 @@ pub(super) fn tried(
         let others: Vec<Fitted> = own.model.with_last_as_alike().filter(is_asked).map(of_alike).collect();
         std::iter::once(own).chain(others)
     };
-    let mut all: Vec<Fitted> = promising.par_iter().flat_map_iter(both).collect();
-    all.sort_by(|a, b| a.total.total_cmp(&b.total));
-    let mut seen = BTreeSet::new();
-    // Of the laws that an effect may follow the best.
-    all.retain(|fitted| seen.insert(fitted.model.last_effect()));
-    let judged = |fitted| judged(problem, without, blocks, fitted);
-    all.into_par_iter().map(judged).collect()
+    let all: Vec<Fitted> = promising.par_iter().flat_map_iter(both).collect();
+    let all = candidate::best_laws(without.total, all, problem.counts()[0]);
+    all.into_par_iter().map(|fitted| judged(problem, without, blocks, fitted)).collect()
 }
 
 /// Name of the last effect of a model.
