@@ -192,10 +192,9 @@ impl Model {
     pub(super) fn with_last_sharing(&self) -> Vec<Self> {
         let Some((last, others)) = self.effects.split_last() else { return Vec::new() };
         let sharing = |(place, other): (usize, &Tried)| {
-            let half = other.half();
-            let given = half.alike().find(|given| given.entry.name == last.entry.name)?;
+            let given = other.half().alike().find(|given| given.entry.name == last.entry.name)?;
             let mut model = self.clone();
-            model.effects[place] = half;
+            model.effects[place] = other.half();
             *model.effects.last_mut()? = given;
             Some(model)
         };
