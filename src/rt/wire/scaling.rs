@@ -194,8 +194,15 @@ impl AxisScale {
     /// A current of the axis as it travels: to the nearest micro-ampere, held at the ends of the
     /// range. A NaN travels as zero; `rt/control` stops the axis for it.
     pub fn current_counts(&self, current: Current) -> CurrentCounts {
-        CurrentCounts((current.as_a() * self.counts_per_ampere).round_ties_even() as i32)
+        CurrentCounts(nearest(current.as_a() * self.counts_per_ampere) as i32)
     }
+}
+
+/// The nearest whole number, of two as near the even one; beyond an `i32` only that it is beyond. Where numbers are so large they have no
+/// fractions, and adding one rounds: without the call that rounding is on most processors.
+fn nearest(value: f64) -> f64 {
+    const LARGE: f64 = 1.5 * (1_u64 << 52) as f64;
+    (value + LARGE) - LARGE
 }
 
 #[cfg(test)]
@@ -259,6 +266,16 @@ mod tests {
         assert_eq!(scale.current_counts(Current::a(-1e9)), CurrentCounts::ua(i32::MAX));
         assert_eq!(scale.current_counts(Current::a(f64::NAN)), CurrentCounts::ZERO);
         assert_eq!(CurrentCounts::ma(u32::MAX), CurrentCounts::ua(i32::MAX));
+    }
+
+    #[test]
+    fn of_two_whole_numbers_as_near_the_even_one_is_nearest() {
+        let near = [0.0, 0.49, -0.49, 0.5, -0.5, 1.5, -1.5, 2.5, -2.5, 2.500_1, 1_234_567.5, -7.49];
+        let ends =
+            [f64::from(i32::MAX) + 0.4, f64::from(i32::MIN) - 0.6, 1e16, -1e300, f64::INFINITY, f64::NAN];
+        for value in near.into_iter().chain(ends) {
+            assert_eq!(nearest(value) as i32, value.round_ties_even() as i32, "{value}");
+        }
     }
 
     #[test]
