@@ -3,12 +3,14 @@
 //!
 //! Invariant: the same rows and the same model find the same.
 
+use std::collections::BTreeSet;
+
 use rayon::prelude::*;
 use tracing::debug;
 
 use super::blocks::Blocks;
 use super::candidate::{self, Candidate};
-use super::fit::{self, Effort, Fitted, believed, fit, total_of};
+use super::fit::{self, Effort, Fitted, fit, total_of};
 use super::gates::{self, PLAIN};
 use super::linear::Linear;
 use super::model::Model;
@@ -86,25 +88,31 @@ impl Look<'_, '_> {
 /// The most promising of a list, fitted to few rows beside the model that was fitted before, from the best of their
 /// starts: those that explain most of it, and those that explain less.
 fn screened(once: &Problem<'_>, here: &Linear, listed: &[Scored]) -> [Vec<Model>; 2] {
-    let without = here.cost() + believed(&here.model);
+    if listed.is_empty() {
+        return Default::default();
+    }
     let rows = once.count(Part::Fit);
+    // By these rows alone the base goes further with no effect either.
+    let alone = fit::ending(once, &here.model, Effort::Coarse(FEW), Some(here));
     for Scored { starts, gain, sureness, is_sure } in listed {
         debug!(law = starts.first().and_then(gates::last_of), gain, sureness, is_sure, "on the shortlist");
     }
-    let explained = |fitted: &Fitted| {
-        candidate::fall(without, fitted, fitted.model.numbers() - here.model.numbers(), rows)
+    let explained = |fitted: &Fitted, alone: &Fitted| {
+        candidate::fall(alone.total, fitted, fitted.model.numbers() - here.model.numbers(), rows)
     };
-    let best = |all: &mut dyn Iterator<Item = &Fitted>| all.map(explained).fold(0.0, f64::max);
+    let best = |all: &mut dyn Iterator<Item = &Fitted>, alone: &Fitted| {
+        all.map(|one| explained(one, alone)).fold(0.0, f64::max)
+    };
     // By each law from the best of its starts.
     let begun = |scored: &Scored| -> Vec<(Fitted, bool)> {
         let left = scored.starts.par_iter().map(|start| (total_of(once, start), start));
         let mut left: Vec<(f64, &Model)> = left.collect();
         left.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let law = |place: usize| gates::last_of(left[place].1);
-        let is_first = |place: &usize| (0..*place).all(|before| law(before) != law(*place));
-        let of_laws: Vec<usize> = (0..left.len()).filter(is_first).collect();
-        let begun = |place: usize| fit::ending(once, left[place].1, Effort::Coarse(FEW), Some(here));
-        of_laws.into_par_iter().map(begun).collect()
+        let mut laws = BTreeSet::new();
+        left.retain(|(_, start)| laws.insert(gates::last_of(start)));
+        left.into_par_iter()
+            .map(|(_, start)| fit::ending(once, start, Effort::Coarse(FEW), Some(here)))
+            .collect()
     };
     let ended = |(begun, has_ended): (Fitted, bool)| {
         let effort = Effort::Coarse(ITERATIONS[1] - FEW);
@@ -127,42 +135,39 @@ fn screened(once: &Problem<'_>, here: &Linear, listed: &[Scored]) -> [Vec<Model>
     // What is alike is tried from where the other went: where one leads far from the base, the linear estimate of the
     // other may not.
     let alike: Vec<Model> = begun.iter().flat_map(|(one, _)| one.model.with_last_as_alike()).collect();
-    let alike: Vec<(Fitted, bool)> =
-        alike.par_iter().map(|one| fit::ending(once, one, Effort::Coarse(FEW), Some(here))).collect();
-    for other in alike {
-        let name = |(fitted, _): &(Fitted, bool)| gates::last_of(&fitted.model);
-        match begun.iter_mut().find(|one| name(one) == name(&other)) {
-            Some((one, _)) if one.total <= other.0.total => {}
-            Some(one) => *one = other,
-            None => begun.push(other),
-        }
-    }
+    let alike = alike.par_iter().map(|one| fit::ending(once, one, Effort::Coarse(FEW), Some(here)));
+    deeper_of_laws(&mut begun, alike.collect());
     // So is what shares with an effect that is there already, which moves that one far from where its derivatives are known.
     let shared: Vec<Model> = begun.iter().flat_map(|(one, _)| one.model.with_last_sharing()).collect();
-    let shared: Vec<Fitted> =
-        shared.par_iter().map(|one| fit(once, one, Effort::Coarse(ITERATIONS[1]), None)).collect();
-    let least = SHARES[0] * best(&mut begun.iter().map(|(one, _)| one));
+    let shared = shared.par_iter().map(|one| (fit(once, one, Effort::Coarse(ITERATIONS[1]), None), true));
+    deeper_of_laws(&mut begun, shared.collect());
+    let least = SHARES[0] * best(&mut begun.iter().map(|(one, _)| one), &alone.0);
     let laws = sure(&mut begun.iter().map(|(one, _)| one));
-    begun.retain(|(one, _)| explained(one) > least || is_of(one, &laws));
-    let mut ended: Vec<Fitted> = begun.into_par_iter().map(ended).collect();
-    for other in shared {
-        let is_same = |one: &&mut Fitted| gates::last_of(&one.model) == gates::last_of(&other.model);
-        match ended.iter_mut().find(is_same) {
-            Some(one) if one.total <= other.total => {}
-            Some(one) => *one = other,
-            None => ended.push(other),
-        }
-    }
+    begun.retain(|(one, _)| explained(one, &alone.0) > least || is_of(one, &laws));
+    let (alone, mut ended): (Fitted, Vec<Fitted>) =
+        rayon::join(|| ended(alone), || begun.into_par_iter().map(ended).collect());
     let laws = sure(&mut ended.iter());
-    ended.retain(|one| explained(one) > 0.0 || is_of(one, &laws));
+    ended.retain(|one| explained(one, &alone) > 0.0 || is_of(one, &laws));
     for Fitted { model, total, cost, .. } in &ended {
-        debug!(law = gates::last_of(model), total, cost, rows, without, "fitted to few rows");
+        debug!(law = gates::last_of(model), total, cost, rows, without = alone.total, "fitted to few rows");
     }
-    let least = SHARES[1] * best(&mut ended.iter());
+    let least = SHARES[1] * best(&mut ended.iter(), &alone);
     let hopeless = hopeless(once, &ended);
     let (most, less): (Vec<Fitted>, Vec<Fitted>) =
-        ended.into_iter().partition(|one| explained(one) >= least && one.total < hopeless);
+        ended.into_iter().partition(|one| explained(one, &alone) >= least && one.total < hopeless);
     [most, less].map(|all| all.into_iter().map(|fitted| fitted.model).collect())
+}
+
+/// What else a law leads to takes the place of what it led to before, if it leaves less.
+fn deeper_of_laws(found: &mut Vec<(Fitted, bool)>, others: Vec<(Fitted, bool)>) {
+    for other in others {
+        let law = |(fitted, _): &(Fitted, bool)| gates::last_of(&fitted.model);
+        match found.iter_mut().find(|one| law(one) == law(&other)) {
+            Some(one) if one.0.total <= other.0.total => {}
+            Some(one) => *one = other,
+            None => found.push(other),
+        }
+    }
 }
 
 /// What leaves so much and more has no prospect beside these.
@@ -202,6 +207,20 @@ mod tests {
         let found = best[0].effects.last().expect("an effect");
         assert_eq!(found.entry.name, entry.name);
         assert!((found.values[0] - 6.0).abs() < 0.01, "{} %/A", found.values[0]);
+    }
+
+    #[test]
+    fn what_the_base_alone_gains_of_few_rows_makes_nothing_promising() {
+        let machine = config::load("paper").expect("a machine");
+        let file = usual::with(&Model::new(machine.axes[AxisId::X].plant));
+        let mut heavier = file.coordinates();
+        heavier[0] += 0.1;
+        let problem = showing(&swinging(&machine, 5e-3), &file.at(&heavier));
+        let entry = entry("motor-cogging").expect("an effect");
+        let cogging = file.with(Tried { entry, values: entry.nominal() });
+        let sure = Scored { starts: vec![cogging], gain: 100.0, sureness: 50.0, is_sure: true };
+        let [most, less] = screened(&problem, &Linear::widest(&problem, &file), &[sure]);
+        assert_eq!([most.len(), less.len()], [0, 1], "it is sure, and explains nothing");
     }
 
     #[test]
