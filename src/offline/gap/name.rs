@@ -278,8 +278,9 @@ pub fn name<'m>(
             } else {
                 to_the_bottom(&problem, &model)
             };
-            // The base had gone far to make up for it, and stands in no valley that it would find with the effect.
-            if louder.is_some() || before.model.has_gone_far() {
+            // The base had gone far to make up for it, and stands in no valley that it would find with the effect, unless only noise is left.
+            let is_far = louder.is_some() || before.model.has_gone_far();
+            if is_far && !is_noise(&problem, &model) {
                 let (near, other) = anew(as_it_is, &model.model, &filed);
                 if total_of(&problem, &other.model) < model.total {
                     (once, problem, model) = (near.first_passes(), near, other);
