@@ -13,7 +13,7 @@
 //! [`repeats`], of each of which [`mod@repeat`] says what comes again, as the `laps` of a run do, and `counts` what no encoder resolves, of which `counted` tells what the loops answer; [`forward`] runs the machine file from the command alone and [`controller`] its loops alone; [`fit`] fits a
 //! [`model`] in closed loop to a [`problem`], by its derivatives ([`linear`]), first where the axis is `moving` and then where the model
 //! is `straight`, with what noise does to means where its torque is `shaken`; `levels` say how loud a signal is; [`clocks`] are set where files have none in common; [`locate`] tells where the gap lives;
-//! [`shortlist`], which holds `trials` against what is left, of phases `turned` by thirds and by their `sums`, and knows what is the [`smallest`] to be seen, and [`mod@name`] find the effects, [`named`] as they are, which have to pass the [`gates`] and to be needed (`without`), and name last what
+//! [`shortlist`], which holds `trials` against what is left, of phases `turned` by thirds and by their `sums`, and knows what is the [`smallest`] to be seen, and [`mod@name`] find the effects, in a `search` from one to the next that says where it has come to `stand`, [`named`] as they are, which have to pass the [`gates`] and to be needed (`without`), and name last what
 //! nearly every axis has (`usual`) but for the `little` that every axis has; `foretold`, `bursts` and, of all axes together, [`behind`] tell whether a [`rest`] is left that is something real, and [`verdict`] says it in a word; [`contour`] and [`consequence`] show what it does to circles, and what would
 //! falsify it; `circles` are found in the setpoints; [`write_back`] adds them to the machine file. [`demo`] is a machine to show it on.
 //! Invariant: what is named was better on rows that no model had seen, and what cannot be told apart is named together.
@@ -69,6 +69,7 @@ pub mod repeat;
 pub mod repeats;
 pub mod rest;
 pub mod runs;
+mod search;
 mod secant;
 mod sensors;
 mod shaken;
@@ -77,6 +78,7 @@ pub mod smallest;
 mod sparse;
 pub mod spectrum;
 mod spots;
+mod stand;
 pub mod steps;
 mod straight;
 mod sums;
