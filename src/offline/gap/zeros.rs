@@ -29,8 +29,9 @@ const STEPS: usize = 3;
 const EVERY: usize = 8;
 /// Share of the rows of a run at either end that say nothing of its middle.
 const TENTH: f64 = 0.1;
-/// Zeros that are apart are so much of what is left, or it is something else.
+/// Zeros that are apart are so much of what is left, or it is something else; and so much beside a model that they have led astray.
 const SHARE: f64 = 0.25;
+const HINT: f64 = 0.02;
 
 /// Where the zero of a table scale is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -122,8 +123,9 @@ impl Problem<'_> {
             return false;
         }
         let each = self.with_zeros(Zeros::OfEachRun);
-        let is_of_zeros = |model: &Model| cost(&each, model) < (1.0 - SHARE) * one;
-        is_of_zeros(model) || is_of_zeros(&coarsely(&each, &usual::with(start)).1.model)
+        let beside = |model: &Model| 1.0 - cost(&each, model) / one;
+        let share = beside(model);
+        share > SHARE || share > HINT && beside(&coarsely(&each, &usual::with(start)).1.model) > SHARE
     }
 }
 
