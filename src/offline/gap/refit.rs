@@ -267,7 +267,12 @@ pub(super) fn is_far(fitted: &Fitted, without: &Fitted) -> bool {
 
 /// Whether a model leaves no more than noise of the rows that it was fitted to.
 pub(super) fn is_noise(problem: &Problem<'_>, fitted: &Fitted) -> bool {
-    fitted.cost <= PLAIN * problem.count(Part::Fit) as f64
+    beyond_noise(problem, fitted) <= 0.0
+}
+
+/// How much more than noise it leaves of them.
+pub(super) fn beyond_noise(problem: &Problem<'_>, fitted: &Fitted) -> f64 {
+    fitted.cost - PLAIN * problem.count(Part::Fit) as f64
 }
 
 #[cfg(test)]

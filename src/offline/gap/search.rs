@@ -25,8 +25,8 @@ use super::near::{
 };
 use super::problem::{Part, Problem};
 use super::refit::{
-    ITERATIONS, about, also_from, anew, another_way, beside, coarsely_from, ended, explains, explains_much,
-    is_noise, refitted, unsettled,
+    ITERATIONS, about, also_from, anew, another_way, beside, beyond_noise, coarsely_from, ended, explains,
+    explains_much, refitted, unsettled,
 };
 use super::smallest::Smallest;
 use super::stand::Stand;
@@ -42,6 +42,8 @@ const OF_BASE: f64 = 0.4;
 /// What rows that judge deny is asked for once more, as rows count beside it, where it explains more than this share of what it leaves, or did
 /// when it passed the gates. Less is not worth the time.
 const ASKED_AGAIN: f64 = 5e-3;
+/// An effect is held up in a valley where it leaves so much of what it gained, beyond noise.
+const HELD_UP: f64 = 0.01;
 
 /// What passed the gates, chosen.
 struct Chosen {
@@ -309,13 +311,15 @@ impl<'s, 'm> Search<'s, 'm> {
         } else if let Some(about) = unsettled(&self.stand.problem, &self.stand.model) {
             (self.progress)(&format!("{name}: how large is it?"));
             // The base had gone far to make up for it, and stands in no valley that it would find with the effect.
-            self.settle(about, is_louder || before.model.has_gone_far());
+            let is_far = is_louder || before.model.has_gone_far();
+            self.settle(about, is_far.then_some(gained));
         }
         true
     }
 
-    /// Fits what was named where rows count, and noise moves means, about it: so far they did about the base alone.
-    fn settle(&mut self, about: Problem<'m>, is_far: bool) {
+    /// Fits what was named where rows count, and noise moves means, about it: so far they did about the base alone. Beside a base that was
+    /// far, it is begun anew for what it has gained.
+    fn settle(&mut self, about: Problem<'m>, gained_far: Option<f64>) {
         self.stand.once = about.first_passes();
         self.stand.problem = about;
         let Stand { problem, once, model, .. } = &self.stand;
@@ -324,9 +328,10 @@ impl<'s, 'm> Search<'s, 'm> {
         } else {
             to_the_bottom(problem, model)
         };
-        // Where only noise is left, no other way is missed.
-        let other = (is_far && !is_noise(problem, &model))
-            .then(|| anew(self.as_it_is, &model.model, &self.filed))
+        // Where hardly more than noise is left, no other way is missed.
+        let other = gained_far
+            .filter(|gained| beyond_noise(problem, &model) > HELD_UP * gained)
+            .map(|_| anew(self.as_it_is, &model.model, &self.filed))
             .filter(|(_, other)| total_of(problem, &other.model) < model.total);
         match other {
             Some((near, other)) => self.stand = Stand::at(near, other),
