@@ -19,7 +19,7 @@ use super::named::Named;
 use super::problem::Problem;
 use super::refit::{base_refitted, coarsely, is_noise};
 use super::search::Search;
-use super::stand::Stand;
+use super::stand::{Stand, exact};
 use super::usual;
 
 /// Most effects that are named of an axis.
@@ -79,7 +79,7 @@ pub fn name<'m>(
     if effects.is_empty() {
         stand.move_to(base.clone());
     }
-    let alone = Blocks::new(&stand.problem, &stand.exact(&coarse.model));
+    let alone = Blocks::new(&stand.problem, &exact(&stand.model.model, &coarse.model));
     let Stand { problem, once, model, blocks } = stand;
     let told = usual::told(&problem, &once, &model, [&blocks, &alone], [&start, &coarse.model]);
     if !told.named.is_empty() {

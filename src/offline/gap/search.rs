@@ -29,7 +29,7 @@ use super::refit::{
     explains_much, refitted, unsettled,
 };
 use super::smallest::Smallest;
-use super::stand::Stand;
+use super::stand::{Stand, exact};
 use super::trials::InVain;
 use super::without::{Need, Without};
 
@@ -118,7 +118,7 @@ impl<'s, 'm> Search<'s, 'm> {
     /// One effect more, or one less; whether it is worth another look.
     pub(super) fn looks(&mut self) -> bool {
         (self.progress)("looking for what is missing");
-        let exact = self.stand.exact(&self.coarse.model);
+        let exact = exact(&self.stand.model.model, &self.coarse.model);
         let alone = Blocks::new(&self.stand.problem, &exact);
         let louder =
             Louder::for_what_is_left(&self.stand.problem, &self.stand.model.model, [&self.start, &exact]);

@@ -34,14 +34,10 @@ impl<'m> Stand<'m> {
     pub(super) fn go_without(&mut self, Without { fitted, blocks, .. }: Without) {
         (self.model, self.blocks) = (fitted, blocks);
     }
-
-    /// What a further effect is held against: the base, or the model without all that its effects may explain wrong.
-    pub(super) fn exact(&self, base: &Model) -> Model {
-        exact(&self.model.model, base)
-    }
 }
 
-fn exact(model: &Model, base: &Model) -> Model {
+/// What a further effect is held against: the base, or the model without all that its effects may explain wrong.
+pub(super) fn exact(model: &Model, base: &Model) -> Model {
     let is_exact = |place: &usize| model.effects[*place].entry.is_of_gains();
     let (exact, others): (Vec<usize>, Vec<usize>) =
         (base.effects.len()..model.effects.len()).partition(is_exact);
