@@ -14,7 +14,7 @@
 //! [`model`] in closed loop to a [`problem`], by its derivatives ([`linear`]), first where the axis is `moving` and then where the model
 //! is `straight`, with what noise does to means where its torque is `shaken`; `levels` say how loud a signal is; [`clocks`] are set where files have none in common; [`locate`] tells where the gap lives;
 //! [`shortlist`], which holds `trials` against what is left, of phases `turned` by thirds and by their `sums`, and knows what is the [`smallest`] to be seen, and [`mod@name`] find the effects, in a `search` from one to the next that says where it has come to `stand`, [`named`] as they are, which have to pass the [`gates`] and to be needed (`without`), and name last what
-//! nearly every axis has (`usual`) but for the `little` that every axis has; `foretold`, `bursts` and, of all axes together, [`behind`] tell whether a [`rest`] is left that is something real, and [`verdict`] says it in a word; [`contour`] and [`consequence`] show what it does to circles, and what would
+//! nearly every axis has (`usual`) but for the `little` that every axis has; at its bottom an effect is begun once more `elsewhere`; `foretold`, `bursts` and, of all axes together, [`behind`] tell whether a [`rest`] is left that is something real, and [`verdict`] says it in a word; [`contour`] and [`consequence`] show what it does to circles, and what would
 //! falsify it; `circles` are found in the setpoints; [`write_back`] adds them to the machine file. [`demo`] is a machine to show it on.
 //! Invariant: what is named was better on rows that no model had seen, and what cannot be told apart is named together.
 
@@ -34,6 +34,7 @@ mod counted;
 mod counts;
 pub mod crossed;
 pub mod demo;
+mod elsewhere;
 pub mod fit;
 pub mod floor;
 mod foretold;

@@ -15,10 +15,9 @@ use crate::plant::effects::{Entry, Parameter, VALUES_MAX, Values, entry};
 /// Values so near to a bound are at it, as a share of what is between both.
 const AT_BOUND: f64 = 1e-4;
 /// How friction falls, as [`BASE`] names it.
-const FALL: [&str; 3] = ["breakaway_excess", "fall_end", "fall_start"];
-/// The effect that is a fall of friction too, and the share of where a parabola ends at which a bell has fallen as far.
+pub(super) const FALL: [&str; 3] = ["breakaway_excess", "fall_end", "fall_start"];
+/// The effect that is a fall of friction too.
 pub(super) const FALLS: &str = "stribeck";
-const AS_FAR: f64 = 0.35;
 /// What the base makes of an effect as far as it reaches: its parameter, N s/m, and the effect, N s/mm.
 const MADE_OF: (&str, &str) = ("viscous", "viscous-friction");
 /// Another parameter of the base, and the effect that stands in its place.
@@ -142,24 +141,6 @@ impl Model {
             }
         }
         model
-    }
-
-    /// The same where friction falls as the file says, and its last effect is the fall that the base had come to, if that is the wider one: each
-    /// may stand in the place of the other.
-    pub(super) fn with_falls_exchanged(&self) -> Option<Self> {
-        let last = self.effects.last().filter(|tried| tried.entry.name == FALLS)?;
-        let [extra_n, velocity_mm_per_s, _] = last.values;
-        let mut model = self.falling_as_filed();
-        let [come_to, filed] = [self, &model].map(|model| model.twin().plant.friction);
-        let end_mm_per_s = come_to.fall_end.as_mm_per_s();
-        if end_mm_per_s <= velocity_mm_per_s {
-            return None;
-        }
-        let [come_to_n, filed_n] =
-            [come_to, filed].map(|friction| (friction.breakaway - friction.sliding).as_n());
-        let values = [(come_to_n + extra_n - filed_n).max(extra_n), AS_FAR * end_mm_per_s, 2.0];
-        model.effects.last_mut()?.values = values;
-        Some(model)
     }
 
     /// The same with its last effect by each other law that it may follow with as many numbers.
@@ -402,29 +383,6 @@ fn wrapped(deg: f64) -> f64 {
 mod tests {
     use super::*;
     use crate::plant::tests::paper_axis;
-
-    #[test]
-    fn a_fall_that_the_base_had_come_to_is_the_effect_where_that_is_the_narrower_one() {
-        let file = paper_axis();
-        let fall = |velocity_mm_per_s: f64| Tried {
-            entry: entry(FALLS).expect("an effect"),
-            values: [17.0, velocity_mm_per_s, 4.0],
-        };
-        let mut base = Model::new(file);
-        for (base, at) in BASE.iter().zip(&mut base.base) {
-            *at = if FALL.contains(&base.name) { 1.5 } else { 0.2 };
-        }
-        let end_mm_per_s = base.twin().plant.friction.fall_end.as_mm_per_s();
-        assert!(base.with(fall(1.1 * end_mm_per_s)).with_falls_exchanged().is_none());
-        let narrow = base.with(fall(0.1 * end_mm_per_s));
-        let other = narrow.with_falls_exchanged().expect("the base's is the wider one");
-        let [extra_n, velocity_mm_per_s, _] = other.effects[0].values;
-        assert!((velocity_mm_per_s / end_mm_per_s - AS_FAR).abs() < 1e-9);
-        let standing_n = |model: &Model| model.twin().plant.friction.breakaway.as_n();
-        let [before_n, after_n] = [standing_n(&narrow) + 17.0, standing_n(&other) + extra_n];
-        assert!((after_n - before_n).abs() < 1e-6, "{after_n} N holds it, {before_n} N did");
-        assert_eq!(other.twin().plant.friction.fall_end, file.friction.fall_end);
-    }
 
     #[test]
     fn what_the_base_had_made_of_a_viscous_friction_is_of_the_effect() {

@@ -217,7 +217,9 @@ impl<'s, 'm> Search<'s, 'm> {
             };
             // Louder noise does not tell which of its laws it follows.
             let laws = louder.iter().flat_map(|_| bottom.model.by_other_laws());
-            let others: Vec<Model> = laws.chain(bottom.model.with_falls_exchanged()).collect();
+            let elsewhere =
+                bottom.model.with_falls_exchanged().into_iter().chain(bottom.model.with_last_over_sooner());
+            let others: Vec<Model> = laws.chain(elsewhere).collect();
             also_from(problem, bottom, &others)
         };
         // What holds for the best holds for what is near it.
