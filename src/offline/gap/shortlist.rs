@@ -46,16 +46,13 @@ const BY_ANOTHER_LAW: f64 = 0.1;
 /// Part of the way to where the linear estimate leads.
 const PART: f64 = 0.25;
 
-/// What is less sure by its blocks, in standard deviations, squared, is a few slips that came at another moment; and what gains less than
-/// this share of what the best does is not missed before that is named. Of 224 effects that were named the least sure had 5.4, and the least a
-/// quarter of the gain of the best.
+/// So many of the surest are tried, whatever others gain, of those that are so sure by their blocks, in standard deviations, squared. Beside one of
+/// them what is less than so sure is a few slips that came at another moment; and what gains less than this share of what the best does is not
+/// missed before that is named. Of 224 effects that were named the least sure had 5.4, and the least a quarter of the gain of the best.
+const SUREST: usize = 3;
+const SURE: f64 = 9.0;
 const UNSURE: f64 = 4.0;
 const LITTLE: f64 = 0.03;
-
-/// So many of the surest are tried, whatever others gain, of those that are so sure: in standard deviations, squared, and of what swings at a
-/// frequency that was picked out of a spectrum.
-const SUREST: usize = 3;
-const SURE: [f64; 2] = [9.0, 16.0];
 
 /// What may be missing, the most promising first, and what would have been seen.
 pub struct Shortlist {
@@ -121,6 +118,7 @@ pub(super) fn shortlist(
         .collect();
     let (mut listed, further) = listed(problem, here, &trials, passes);
     in_vain.extend(further);
+    listed.scored = worth_a_fit(listed.scored, passes);
     listed.smallest.extend(unseen.map(|entry| Smallest::of(entry, f64::INFINITY)));
     listed
 }
@@ -131,7 +129,8 @@ pub(super) fn gain_of(problem: &Problem<'_>, here: &Linear, names: &[&str]) -> f
     let trials: Vec<Trial> = entries
         .flat_map(|entry| seeds(entry, &|_| Vec::new()).into_iter().map(move |values| (entry, values)))
         .collect();
-    listed(problem, here, &trials, 1.0).0.scored.first().map_or(0.0, |best| best.gain)
+    let (Shortlist { scored, .. }, _) = listed(problem, here, &trials, 1.0);
+    scored.iter().map(|one| one.gain).fold(0.0, f64::max)
 }
 
 /// What such trials say, and which of them are in vain.
@@ -217,17 +216,18 @@ fn listed(problem: &Problem<'_>, here: &Linear, trials: &[Trial], passes: f64) -
     for scored in scored.into_iter().flatten() {
         by_name.entry(scored.entry().effect()).or_default().push(scored);
     }
-    let scored = worth_a_fit(by_name.into_values().filter_map(best_of).collect(), passes);
+    let scored = by_name.into_values().filter_map(best_of).collect();
     let smallest = smallest.into_iter().flatten().chain(of_usual);
     (Shortlist { scored, smallest: smallest.map(|one| one.by_passes(passes)).collect() }, in_vain)
 }
 
 /// What gains enough by all passes, and is sure enough, the most first; the surest beside what gains most.
 fn worth_a_fit(mut all: Vec<Scored>, passes: f64) -> Vec<Scored> {
-    all.retain(|one| passes * one.gain > LEAST && one.sureness > UNSURE);
+    all.retain(|one| passes * one.gain > LEAST);
     all.sort_by(|a, b| b.sureness.total_cmp(&a.sureness));
-    let is_sure = |one: &&mut Scored| one.sureness > SURE[usize::from(phase_of(one.entry()).is_some())];
-    all.iter_mut().filter(is_sure).take(SUREST).for_each(|one| one.is_sure = true);
+    all.iter_mut().filter(|one| one.sureness > SURE).take(SUREST).for_each(|one| one.is_sure = true);
+    let is_any_sure = all.first().is_some_and(|surest| surest.is_sure);
+    all.retain(|one| !is_any_sure || one.sureness > UNSURE);
     all.sort_by(|a, b| b.gain.total_cmp(&a.gain));
     let little = all.first().map_or(0.0, |best| LITTLE * best.gain);
     all.retain(|one| one.is_sure || one.gain > little);
@@ -358,9 +358,12 @@ mod tests {
         let [play, zone, drag] = ["backlash", "soft-zone", "quadratic-drag"];
         let [cogging, ripple] = ["motor-cogging", "torque-ripple"];
         // By both passes a gain of 11 is worth nothing, and one of 13 is.
-        assert_eq!(listed(&[(play, 11.0, 50.0), (zone, 13.0, 5.0), (drag, 90.0, 3.9)]), [(zone, false)]);
-        // A hundredth of the best is little, unless it is sure; what swings was picked.
-        let beside = [(play, 9_000.0, 5.0), (zone, 90.0, 8.0), (drag, 80.0, 10.0), (cogging, 70.0, 15.0)];
+        assert_eq!(listed(&[(play, 11.0, 50.0), (zone, 13.0, 3.9)]), [(zone, false)]);
+        // Beside what is sure what is not is worth nothing either.
+        let unsure = [(play, 90.0, 3.9), (zone, 80.0, 4.1), (drag, 70.0, 9.1)];
+        assert_eq!(listed(&unsure), [(zone, false), (drag, true)]);
+        // A hundredth of the best is little, unless it is sure.
+        let beside = [(play, 9_000.0, 5.0), (zone, 90.0, 8.0), (drag, 80.0, 10.0)];
         assert_eq!(listed(&beside), [(play, false), (drag, true)]);
         let more = [(play, 9_000.0, 40.0), (cogging, 90.0, 17.0), (ripple, 80.0, 30.0), (drag, 70.0, 10.0)];
         assert_eq!(listed(&more), [(play, true), (cogging, true), (ripple, true)], "three at most");
