@@ -130,7 +130,8 @@ pub(super) fn gain_of(problem: &Problem<'_>, here: &Linear, names: &[&str]) -> f
         .flat_map(|entry| seeds(entry, &|_| Vec::new()).into_iter().map(move |values| (entry, values)))
         .collect();
     let (Shortlist { scored, .. }, _) = listed(problem, here, &trials, 1.0);
-    scored.iter().map(|one| one.gain).fold(0.0, f64::max)
+    // Less is noise, of which one says nothing that another does not.
+    scored.iter().map(|one| one.gain).filter(|gain| *gain > LEAST).fold(0.0, f64::max)
 }
 
 /// What such trials say, and which of them are in vain.
