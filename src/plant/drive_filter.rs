@@ -23,8 +23,8 @@ pub(super) type Commands = [[f64; PIECES_MAX]; 2];
 pub(super) struct DriveFilter {
     /// Time constant, s; zero is no filter.
     lag_s: f64,
-    /// How long a piece of either part of a tick is, s.
-    pieces_s: [f64; 2],
+    /// How long a piece of either part of a tick is, in time constants, and which share of what it is off is gone after it.
+    pieces: [[f64; 2]; 2],
     /// What comes out of it, N.
     out_n: f64,
 }
@@ -32,8 +32,13 @@ pub(super) struct DriveFilter {
 impl DriveFilter {
     /// Of an actuator, where the early part of a tick is so long; what comes out is zero.
     pub(super) fn new(actuator: &Actuator, early_s: f64, tick: Span) -> Self {
-        let mut filter = Self { lag_s: actuator.filter_s, pieces_s: [0.0; 2], out_n: 0.0 };
-        filter.pieces_s = [early_s, tick.as_s() - early_s].map(|part_s| part_s / filter.pieces() as f64);
+        let mut filter = Self { lag_s: actuator.filter_s, pieces: [[0.0; 2]; 2], out_n: 0.0 };
+        if filter.lag_s != 0.0 {
+            filter.pieces = [early_s, tick.as_s() - early_s].map(|part_s| {
+                let constants = part_s / filter.pieces() as f64 / filter.lag_s;
+                [constants, -(-constants).exp_m1()]
+            });
+        }
         filter
     }
 
@@ -64,10 +69,8 @@ impl DriveFilter {
     #[cold]
     #[inline(never)]
     fn filter(&mut self, commands_n: &mut Commands) {
-        let parts = commands_n.iter_mut().zip(self.pieces_s).filter(|(_, piece_s)| *piece_s > 0.0);
-        for (part_n, piece_s) in parts {
-            let constants = piece_s / self.lag_s;
-            let gone = -(-constants).exp_m1();
+        let parts = commands_n.iter_mut().zip(self.pieces).filter(|(_, [constants, _])| *constants > 0.0);
+        for (part_n, [constants, gone]) in parts {
             for command_n in part_n {
                 let off_n = self.out_n - *command_n;
                 self.out_n -= off_n * gone;
