@@ -61,16 +61,19 @@ fn led_from(once: &Problem<'_>, model: &Model, start: &Model) -> Model {
 
 /// The deeper of two models, of which the second is where rows in motion led.
 fn deeper(problem: &Problem<'_>, once: &Problem<'_>, [here, led]: [Model; 2]) -> Model {
-    // What is no deeper in motion has only valleys of stick and slip to offer, which hang on chance.
-    let is_same = once.in_motion(&here).is_some_and(|moving| {
-        let [own, other] = [&here, &led].map(|model| total_of(&moving, model));
-        own <= SAME * other
-    });
-    if is_same {
+    if is_as_deep_in_motion(once, &here, &led) {
         return here;
     }
     let there = ended(once, &nearer(once, &led, 0));
     deepest([here, there].map(|end| (total_of(problem, &end), end))).1
+}
+
+/// Whether a model is as deep by rows in motion as one that they led to: that has only valleys of stick and slip to offer, which hang on chance.
+fn is_as_deep_in_motion(once: &Problem<'_>, here: &Model, led: &Model) -> bool {
+    once.in_motion(here).is_some_and(|moving| {
+        let [own, other] = [here, led].map(|model| total_of(&moving, model));
+        own <= SAME * other
+    })
 }
 
 /// The same problem where rows in motion tell what they tell best, if there are any.
@@ -226,12 +229,18 @@ pub(super) fn another_way<'m>(
 }
 
 /// The effects of a model fitted to the bottom beside the base of the file, as that was without them; with the problem in which rows count by
-/// how straight it is about them.
-pub(super) fn anew<'m>(problem: &Problem<'m>, model: &Model, filed: &Model) -> (Problem<'m>, Fitted) {
+/// how straight it is about them. Nothing where rows in motion lead no deeper from there than the model stands.
+pub(super) fn anew<'m>(problem: &Problem<'m>, model: &Model, filed: &Model) -> Option<(Problem<'m>, Fitted)> {
     let begun = Model { base: filed.base, ..model.clone() };
-    let (near, coarse, _) = coarsely(problem, &led_down(&problem.first_passes(), &begun));
+    let down = led_down(&problem.first_passes(), &begun);
+    let once = beside_motion(problem, model).first_passes();
+    let led = led_by_motion(&once, &[down]);
+    if is_as_deep_in_motion(&once, model, &led) {
+        return None;
+    }
+    let (near, coarse, _) = coarsely(problem, &led);
     let fitted = to_the_bottom(&near, &coarse);
-    (near, fitted)
+    Some((near, fitted))
 }
 
 /// The deepest of a bottom and those that other models lead to.
@@ -320,6 +329,19 @@ mod tests {
         let problem = showing(&problem, &truth);
         let found = ended(&problem, &file.with(gains(1.0))).effects[0].values;
         assert!((found[0] - 3.0).abs() < 0.1 && found[1].abs() < 0.5, "{found:?}");
+    }
+
+    #[test]
+    fn what_rows_in_motion_lead_no_deeper_than_is_not_begun_anew() {
+        let machine = config::load("paper").expect("a machine");
+        let file = Model::new(machine.axes[AxisId::X].plant);
+        let cogging = Tried { entry: entry("motor-cogging").expect("an effect"), values: [0.05, 18.0, 40.0] };
+        let truth = file.with(cogging);
+        let problem = showing(&swinging(&machine, 5e-3), &truth);
+        assert!(anew(&problem, &truth, &file).is_none(), "it is there");
+        let far = truth.at(&truth.coordinates().iter().map(|at| at + 2.0).collect::<Vec<f64>>());
+        let (near, found) = anew(&problem, &far, &file).expect("a deeper one");
+        assert!(found.total < 0.1 * total_of(&near, &far), "{} of {}", found.total, total_of(&near, &far));
     }
 
     #[test]

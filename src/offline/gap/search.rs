@@ -333,7 +333,7 @@ impl<'s, 'm> Search<'s, 'm> {
         // Where hardly more than noise is left, no other way is missed.
         let other = gained_far
             .filter(|gained| beyond_noise(problem, &model) > HELD_UP * gained)
-            .map(|_| anew(self.as_it_is, &model.model, &self.filed))
+            .and_then(|_| anew(self.as_it_is, &model.model, &self.filed))
             .filter(|(_, other)| total_of(problem, &other.model) < model.total);
         match other {
             Some((near, other)) => self.stand = Stand::at(near, other),
