@@ -101,9 +101,10 @@ pub struct Bench {
 }
 
 impl Bench {
-    /// For the machine of a seed.
-    pub fn new(seed: u64) -> Self {
-        Self::of(Machine::drawn(seed))
+    /// For the machine of a seed, with runs that may be brief.
+    pub fn new(seed: u64, is_brief: bool) -> Self {
+        let machine = Machine::drawn(seed);
+        Self::of(if is_brief { machine.brief() } else { machine })
     }
 
     /// For this machine.
@@ -299,7 +300,7 @@ fn verdicts(role: Role) -> &'static [&'static str] {
 fn kind_of(motion: &Motion, is_held_out: bool) -> &'static str {
     match motion {
         _ if is_held_out => "held-out",
-        Motion::Circle { radius, .. } if *radius < 0.015 => "slow-circles",
+        Motion::Circle { feed, .. } if *feed < 0.04 => "slow-circles",
         Motion::Circle { .. } => "fast-circles",
         Motion::Sweep { .. } => "sweep",
         Motion::MicroReversals { .. } => "micro-reversals",

@@ -12,6 +12,9 @@ use crate::plant::{Control, IDEAL, Plant, Sensors};
 /// Of every drive, A.
 pub const CURRENT_MAX: f64 = 20.0;
 
+/// In m/s.
+const MM_PER_MIN: f64 = 1e-3 / 60.0;
+
 /// Source of everything random here.
 pub type Random = Pcg64Mcg;
 
@@ -81,6 +84,29 @@ impl Machine {
         };
         let axis = AxisDesign { plant, control, sensors: IDEAL };
         Self { name: "paper".to_owned(), seed: 0, axes: [axis; 2], runs: runs(&mut random(0, 2)) }
+    }
+
+    /// The same with runs that take less than half as long: circles of half the radius, the slow one of those to be fitted one way and the fast
+    /// one the other, and every second speed and reversal.
+    #[must_use]
+    pub fn brief(mut self) -> Self {
+        let is_fitted = |run: &Run| matches!(run.motion, Motion::Circle { .. }) && !run.is_held_out;
+        let mut fitted: Vec<String> =
+            self.runs.iter().filter(|run| is_fitted(run)).map(|run| run.name.clone()).collect();
+        fitted.drain(1..fitted.len() - 1);
+        self.runs.retain(|run| !is_fitted(run) || fitted.contains(&run.name));
+        for run in &mut self.runs {
+            match &mut run.motion {
+                Motion::Circle { radius, feed, is_ccw, .. } => {
+                    *run = circle(0.5 * *radius, *feed, *is_ccw, run.is_held_out);
+                }
+                Motion::Sweep { speeds: all, .. } | Motion::MicroReversals { amplitudes: all, .. } => {
+                    *all = all.iter().copied().skip(1).step_by(2).collect();
+                }
+                Motion::Acceleration { .. } => {}
+            }
+        }
+        self
     }
 
     /// A machine of this seed: every sixth is that of the known answers behind real sensors, the others are unlike it.
@@ -213,18 +239,20 @@ fn sensors(source: &mut Random, plant: &Plant) -> Sensors {
     }
 }
 
+/// Two laps of a circle, radius in m and feed in m/s.
+fn circle(radius: f64, feed: f64, is_ccw: bool, is_held_out: bool) -> Run {
+    let way = if is_ccw { "ccw" } else { "cw" };
+    let role = if is_held_out { "heldout" } else { "circle" };
+    let name = format!("{role}-r{:.0}-f{:.0}-{way}", 1e3 * radius, feed / MM_PER_MIN);
+    Run { name, motion: Motion::Circle { radius, feed, is_ccw, laps: 2 }, is_held_out }
+}
+
 /// The runs: two circles both ways, a sweep, micro-reversals, accelerations, and two circles to judge by.
 fn runs(source: &mut Random) -> Vec<Run> {
-    let mm_per_min = 1e-3 / 60.0;
-    let round = |value: f64, to: f64| (value / to).round() * to;
     let mut runs = Vec::new();
-    let mut circle = |radius: f64, feed: f64, is_ccw: bool, is_held_out: bool| {
-        let way = if is_ccw { "ccw" } else { "cw" };
-        let role = if is_held_out { "heldout" } else { "circle" };
-        let (radius, feed) = (round(radius, 1.0), round(feed, 50.0));
-        let name = format!("{role}-r{radius:.0}-f{feed:.0}-{way}");
-        let motion = Motion::Circle { radius: radius * 1e-3, feed: feed * mm_per_min, is_ccw, laps: 2 };
-        runs.push(Run { name, motion, is_held_out });
+    let mut circle = |radius_mm: f64, feed: f64, is_ccw: bool, is_held_out: bool| {
+        let feed = (feed / 50.0).round() * 50.0 * MM_PER_MIN;
+        runs.push(circle(1e-3 * radius_mm, feed, is_ccw, is_held_out));
     };
     let slow = source.random_range(1000.0..1600.0);
     let fast = source.random_range(3000.0..4000.0);

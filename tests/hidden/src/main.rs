@@ -131,7 +131,7 @@ fn work(choice: &Choice, jobs: usize, work: impl Fn(&Bench, &Plan) -> Result<boo
     let pool = rayon::ThreadPoolBuilder::new().num_threads(jobs).build()?;
     let mut made = 0;
     for (machine, plans) in by_machine {
-        let bench = Bench::new(machine);
+        let bench = Bench::new(machine, choice.brief);
         let each = |plan: &&Plan| {
             bar.set_message(plan.id.clone());
             let is_made = work(&bench, plan)?;

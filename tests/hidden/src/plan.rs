@@ -153,6 +153,9 @@ pub struct Choice {
     /// How runs are recorded and delivered; of several one is drawn for each case
     #[arg(long, value_enum, value_delimiter = ',', default_value = "apart")]
     pub form: Vec<Form>,
+    /// Runs that take less than half as long
+    #[arg(long)]
+    pub brief: bool,
     /// A fixed part of them, as 1/5; with a number that 2 or 3 divides, some machines and severities are left out
     #[arg(long, default_value = "1/1", value_parser = one_in)]
     pub share: u64,

@@ -1,12 +1,13 @@
 //! A case as it is made: its severity, its files, and the same again from the same seed.
 
+use std::collections::HashSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use hidden::case::Bench;
 use hidden::effect::{Effect, Kind, Shape, What, features_of};
 use hidden::machine::Machine;
-use hidden::path::Motion;
+use hidden::path::{Motion, Run};
 use hidden::plan::{Choice, Form, Plan, Role, Severity, list};
 use hidden::session::Session;
 use hidden::severity::{STEPS, Visible, Yardstick};
@@ -157,6 +158,32 @@ fn forms_are_the_same_motions_with_other_starts_ends_and_clocks() {
 }
 
 #[test]
+fn brief_runs_are_of_every_kind_and_take_less_than_half_as_long() {
+    for seed in [0, 8] {
+        let [long, brief] = [Machine::drawn(seed), Machine::drawn(seed).brief()];
+        let rows = |machine: &Machine| machine.runs.iter().map(|run| run.setpoints().len()).sum::<usize>();
+        assert!(2 * rows(&brief) < rows(&long), "{} rows of {}", rows(&brief), rows(&long));
+        let kinds = |machine: &Machine| {
+            machine
+                .runs
+                .iter()
+                .map(|run| (std::mem::discriminant(&run.motion), run.is_held_out))
+                .collect::<HashSet<_>>()
+        };
+        assert_eq!(kinds(&brief), kinds(&long));
+        let circles = |is_held_out: bool| -> Vec<(bool, bool)> {
+            let of = |run: &Run| match run.motion {
+                Motion::Circle { feed, is_ccw, .. } => Some((feed > 0.04, is_ccw)),
+                _ => None,
+            };
+            brief.runs.iter().filter(|run| run.is_held_out == is_held_out).filter_map(of).collect()
+        };
+        assert_eq!(circles(false), [(false, true), (true, false)], "slow one way, fast the other");
+        assert_eq!(circles(true).len(), 2);
+    }
+}
+
+#[test]
 fn a_share_has_every_name_and_every_severity_in_it() {
     let choice = |share| Choice {
         role: None,
@@ -169,15 +196,19 @@ fn a_share_has_every_name_and_every_severity_in_it() {
         unknown: 48,
         decoys: 30,
         form: Vec::new(),
+        brief: false,
         share,
     };
     let (all, fifth) = (list(&choice(1)), list(&choice(5)));
     assert!(fifth.iter().all(|plan| all.contains(plan)), "a share has cases of its own");
     assert!(all.len().abs_diff(5 * fifth.len()) <= 50, "{} of {} is no fifth", fifth.len(), all.len());
+    let is_of = |plan: &&Plan, kind: Kind| plan.role == Role::Single && plan.what == [What::Named(kind)];
     for (kind, name) in hidden::effect::NAMES {
-        let of_kind =
-            fifth.iter().filter(|plan| plan.role == Role::Single && plan.what == [What::Named(*kind)]);
+        let of_kind = fifth.iter().filter(|plan| is_of(plan, *kind));
         let severities: Vec<Severity> = of_kind.filter_map(|plan| plan.severity).collect();
         assert!(severities.len() >= 3, "{name} is {} times in a fifth", severities.len());
     }
+    // A name has eighteen cases: so few are drawn of them that it is just not left out.
+    let seventeenth = list(&choice(17));
+    assert!(hidden::effect::NAMES.iter().all(|(kind, _)| seventeenth.iter().any(|plan| is_of(&plan, *kind))));
 }
