@@ -15,6 +15,9 @@ use super::smallest::Smallest;
 use super::usual::is_usual;
 use crate::plant::effects::{CATALOGUE, Experiment, entry};
 
+/// Beside what was named later an effect of which less than this share is left stood for that: by so much two laws of one effect differ.
+const LEFT: f64 = 0.05;
+
 /// What an axis lacks.
 #[derive(Debug)]
 pub struct Named {
@@ -115,6 +118,15 @@ impl NamedEffect {
         self.class.iter().filter_map(|(candidate, _)| candidate.fitted.model.effects.last())
     }
 
+    /// Whether next to nothing is left, as it is tried now, of what it was when it was named.
+    pub(super) fn has_shrunk(&self, now: &Tried) -> bool {
+        let is_left = |then: &Tried| {
+            let mut amplitudes = now.entry.amplitudes();
+            amplitudes.any(|place| now.values[place].abs() > LEFT * then.values[place].abs())
+        };
+        !self.tried().take(1).any(|then| then.entry.name != now.entry.name || is_left(then))
+    }
+
     /// How probable a member of its class is. What explains as much is as likely, whatever it takes to say it.
     pub fn confidence(&self, rank: usize) -> f64 {
         let is_doubted = self.runner_up.as_ref().is_some_and(|next| next.is_as_good);
@@ -161,6 +173,17 @@ mod tests {
             named.runner_up = Some(RunnerUp { name: "soft-zone", behind: 16.7, failed, is_as_good });
             assert_eq!(named.confidence(0), confidence);
         }
+    }
+
+    #[test]
+    fn what_has_a_twentieth_left_of_what_it_was_has_shrunk() {
+        let friction = candidate("position-dependent-friction", 1_000.0);
+        let then = friction.fitted.model.effects[0];
+        let named = NamedEffect { name: friction.name(), class: vec![(friction, 1.0)], runner_up: None };
+        let left = |share: f64| Tried { values: [-share * then.values[0], 0.0, 0.0], ..then };
+        assert_eq!([0.04, 0.06, 1.0].map(|share| named.has_shrunk(&left(share))), [true, false, false]);
+        let spot = entry("position-dependent-friction-spot").expect("another law of it");
+        assert!(!named.has_shrunk(&Tried { entry: spot, ..left(0.04) }));
     }
 
     #[test]

@@ -386,7 +386,8 @@ impl<'s, 'm> Search<'s, 'm> {
             let bases = [&self.start, &self.coarse.model];
             let test = Without::of(problem, once, model, usual + place, bases);
             let is_at_bound = model.is_at_bound(usual + place);
-            if !is_at_bound && test.shows_need(problem, model, blocks, usual + place) {
+            let has_shrunk = self.effects[place].has_shrunk(&model.model.effects[usual + place]);
+            if !is_at_bound && !has_shrunk && test.shows_need(problem, model, blocks, usual + place) {
                 place += 1;
             } else {
                 self.effects.remove(place);
