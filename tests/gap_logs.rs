@@ -12,10 +12,11 @@ use quadrant::config::plan::CircleRequest;
 use quadrant::config::{self, Machine};
 use quadrant::offline::circle::MeasuringPoint;
 use quadrant::offline::gap::analysis::{Request, analyse};
-use quadrant::offline::gap::contour::point;
-use quadrant::offline::gap::forward::{Course, SETTLE_S, Signals, without_counts};
-use quadrant::offline::gap::logged;
-use quadrant::offline::gap::runs::RunError;
+use quadrant::offline::gap::measure::forward::{Course, Signals, without_counts};
+use quadrant::offline::gap::runs::SETTLE_S;
+use quadrant::offline::gap::runs::logged;
+use quadrant::offline::gap::runs::refused::RunError;
+use quadrant::offline::gap::show::contour::point;
 use quadrant::offline::simulated;
 use quadrant::offline::trace::{Trace, Tracing};
 

@@ -28,6 +28,7 @@ pub mod recorded;
 pub mod replay;
 pub mod report;
 mod median;
+mod product;
 mod running_mean;
 pub mod simulated;
 pub mod trace;

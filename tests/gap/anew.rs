@@ -1,7 +1,7 @@
 //! Promise: what is thousands of times the noise is named by itself, with its value to a thousandth.
 
 use quadrant::config;
-use quadrant::offline::gap::verdict::Verdict;
+use quadrant::offline::gap::show::verdict::Verdict;
 
 use super::{analysed, runs};
 

@@ -1,6 +1,6 @@
 //! Promise: a feed that somebody turned down is no effect of an axis: it is said, and what was there takes part in nothing.
 
-use quadrant::offline::gap::rest::Rest;
+use quadrant::offline::gap::locate::rest::Rest;
 
 use super::*;
 

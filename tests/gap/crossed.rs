@@ -1,6 +1,6 @@
 //! Promise: an effect that the rows that judge cannot show is judged by each command from what the others say of it.
 
-use quadrant::offline::gap::crossed;
+use quadrant::offline::gap::gates::crossed;
 
 use super::*;
 

@@ -1,7 +1,7 @@
 //! Promise: a swing along screw or scale is named with its period, beside another that is as large, and where the table is
 //! behind the motor by more than the period.
 
-use quadrant::offline::gap::named::NamedEffect;
+use quadrant::offline::gap::name::named::NamedEffect;
 use quadrant::plant::effects::Values;
 
 use super::*;

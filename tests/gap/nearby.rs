@@ -2,8 +2,8 @@
 //! hole hides.
 
 use quadrant::offline::gap::fit::Fitted;
-use quadrant::offline::gap::linear::{Loss, residuals};
-use quadrant::offline::gap::nearby::costs_nearby;
+use quadrant::offline::gap::fit::nearby::costs_nearby;
+use quadrant::offline::gap::model::linear::{Loss, residuals};
 
 use super::*;
 

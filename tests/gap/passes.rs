@@ -2,7 +2,7 @@
 
 use quadrant::base::axis::AxisId;
 use quadrant::config;
-use quadrant::offline::gap::verdict::Verdict;
+use quadrant::offline::gap::show::verdict::Verdict;
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Mcg;

@@ -2,7 +2,7 @@
 
 use super::*;
 
-use quadrant::offline::gap::rest::Rest;
+use quadrant::offline::gap::locate::rest::Rest;
 
 #[test]
 #[ignore = "seconds only if optimised; run by .ci/run"]

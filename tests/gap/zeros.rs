@@ -1,10 +1,10 @@
 //! Promise: a table scale has one zero for all runs wherever that is, and where somebody set it anew between them that is no
 //! effect of the machine; nor is a column that was cut off.
 
-use quadrant::offline::gap::linear::{Linear, residuals};
-use quadrant::offline::gap::steps::Steps;
-use quadrant::offline::gap::twin::BASE;
-use quadrant::offline::gap::zeros::Zeros;
+use quadrant::offline::gap::model::linear::{Linear, residuals};
+use quadrant::offline::gap::model::steps::Steps;
+use quadrant::offline::gap::model::twin::BASE;
+use quadrant::offline::gap::model::zeros::Zeros;
 
 use super::*;
 

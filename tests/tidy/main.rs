@@ -54,6 +54,10 @@ const ROOMS: &[Room] = &[
     Room { name: "hil-sim", may: &["base", "plant", "rt", "sim", "config", "candump"] },
 ];
 
+/// Folders of `src/offline/gap`, each of which imports from those before it alone.
+const STEPS_OF_GAP: [&str; 9] =
+    ["runs", "measure", "model", "fit", "locate", "shortlist", "gates", "name", "show"];
+
 /// Most lines of a file that are not tests.
 const LINES_MAX: usize = 400;
 /// Words that name nothing, as a part of any name.
@@ -123,6 +127,28 @@ fn imports_point_down() {
             }
         }
     }
+    nothing_in(&breaches);
+}
+
+#[test]
+fn steps_of_the_gap_import_from_those_before_them_alone() {
+    let place = |module: &[String]| {
+        let step = module.strip_prefix(["offline".to_owned(), "gap".to_owned()].as_slice())?.first()?;
+        Some(STEPS_OF_GAP.iter().position(|known| known == step).unwrap_or(STEPS_OF_GAP.len()))
+    };
+    let mut breaches = Vec::new();
+    let mut steps_seen = [false; STEPS_OF_GAP.len()];
+    for source in sources().iter().filter(|source| source.path.starts_with("src/")) {
+        let Some(step) = place(&source.module()).filter(|step| *step < STEPS_OF_GAP.len()) else { continue };
+        steps_seen[step] = true;
+        for (line, path) in imports(source) {
+            if place(&path).is_some_and(|other| other > step) {
+                let (name, path) = (STEPS_OF_GAP[step], path.join("::"));
+                breaches.push(format!("{}:{line}: step `{name}` must not import `{path}`", source.path));
+            }
+        }
+    }
+    assert_eq!(steps_seen, [true; STEPS_OF_GAP.len()], "a folder of the gap is not there");
     nothing_in(&breaches);
 }
 

@@ -7,8 +7,8 @@ use serde::Serialize;
 use crate::cli::view::table;
 use crate::offline::circle::PointAnalysis;
 use crate::offline::circle::protrusion::QuadrantHeights;
-use crate::offline::gap::contour::{Contour, point};
 use crate::offline::gap::runs::Run;
+use crate::offline::gap::show::contour::{Contour, point};
 
 /// A circle of some runs. Lengths in um but for the radius.
 #[derive(Debug, Serialize)]

@@ -5,12 +5,12 @@ use std::fmt;
 
 use serde::Serialize;
 
-use crate::offline::gap::candidate::Candidate;
-use crate::offline::gap::consequence::Consequence;
 use crate::offline::gap::fit::Fitted;
-use crate::offline::gap::named::RunnerUp;
-use crate::offline::gap::problem::shown;
+use crate::offline::gap::gates::candidate::Candidate;
+use crate::offline::gap::model::problem::shown;
+use crate::offline::gap::name::named::RunnerUp;
 use crate::offline::gap::runs::Run;
+use crate::offline::gap::show::consequence::Consequence;
 
 #[derive(Debug, Serialize)]
 pub(super) struct Effect {

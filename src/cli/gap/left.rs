@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use crate::offline::gap::problem::SIGNALS;
-use crate::offline::gap::rest::{Rest, Shows};
+use crate::offline::gap::locate::rest::{Rest, Shows};
+use crate::offline::gap::model::problem::SIGNALS;
 
 /// Something real that is left without a name, and how it shows.
 #[derive(Debug, Default, Serialize)]

@@ -12,14 +12,15 @@ use super::left::Left;
 use crate::base::units::Current;
 use crate::cli::view::table;
 use crate::config::Machine;
-use crate::offline::gap::analysis::{Analysis, AxisGap};
+use crate::offline::gap::analysis::Analysis;
 use crate::offline::gap::gates::Gate;
 use crate::offline::gap::locate::unit;
-use crate::offline::gap::problem::SIGNALS;
+use crate::offline::gap::model::problem::SIGNALS;
+use crate::offline::gap::model::zeros::Zeros;
 use crate::offline::gap::runs::Run;
-use crate::offline::gap::smallest::Smallest;
-use crate::offline::gap::verdict::{SignalGap, Verdict, excess_of_all};
-use crate::offline::gap::zeros::Zeros;
+use crate::offline::gap::shortlist::smallest::Smallest;
+use crate::offline::gap::show::answer::AxisGap;
+use crate::offline::gap::show::verdict::{SignalGap, Verdict, excess_of_all};
 use crate::offline::report::gap::NamedRow;
 
 /// Columns of a terminal.

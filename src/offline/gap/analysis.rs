@@ -5,57 +5,28 @@
 use std::time::Instant;
 
 use rayon::prelude::*;
-use thiserror::Error;
 
-use super::asked::Asked;
-use super::behind::{self, Behind};
-use super::bursts::bursts;
-use super::consequence::{Consequence, consequence};
-use super::contour::{Contour, contours};
-use super::controller::{Match, by_the_current, explained, phase_of};
-use super::locate::{self, Located, RunLeft};
-use super::name::{Base, name};
-use super::named::Named;
-use super::problem::Problem;
-use super::refit::is_noise;
-use super::repeat::Repeat;
-use super::repeats::repeats;
-use super::rest::Rest;
+use super::asked::{Asked, GapError};
+use super::fit::refit::is_noise;
+use super::locate;
+use super::locate::behind::{self, Behind};
+use super::locate::bursts::bursts;
+use super::locate::rest::Rest;
+use super::measure::controller::{Match, by_the_current, explained, phase_of};
+use super::model::problem::Problem;
+use super::model::zeros::Zeros;
+use super::name::base::Base;
+use super::name::name;
+use super::name::named::Named;
 use super::runs::Run;
-use super::verdict::{SignalGap, Verdict, closes_little, explains_too_little, gaps, shape, verdict, widens};
-use super::zeros::Zeros;
+use super::runs::repeat::Repeat;
+use super::runs::repeats::repeats;
+use super::show::answer::AxisGap;
+use super::show::consequence::consequence;
+use super::show::contour::{Contour, contours};
+use super::show::verdict::{closes_little, explains_too_little, gaps, shape, verdict, widens};
 use crate::base::axis::AxisId;
 use crate::config::Machine;
-use crate::rt::drive::velocity::VelocityEstimate;
-
-/// Why there is no analysis.
-#[derive(Clone, Debug, Error, PartialEq)]
-pub enum GapError {
-    /// The gain set is none of the machine's.
-    #[error("the machine has no gain set \"{name}\"; it has {known}")]
-    NoGains {
-        /// What was asked for.
-        name: String,
-        /// What there is.
-        known: String,
-    },
-    /// The data were made with other gains.
-    #[error(
-        "axis {axis}: the current is that of gain set \"{found}\" and not of \"{asked}\" (what they leave of it: {found_percent:.1} % and {asked_percent:.1} %); give --gains {found}"
-    )]
-    OtherGains {
-        /// Which axis.
-        axis: String,
-        /// What was asked for.
-        asked: String,
-        /// What fits.
-        found: String,
-        /// What the one leaves of the current.
-        found_percent: f64,
-        /// And the other.
-        asked_percent: f64,
-    },
-}
 
 /// What is asked.
 #[derive(Clone, Debug)]
@@ -66,30 +37,6 @@ pub struct Request {
     pub axes: Vec<AxisId>,
 }
 
-/// An axis with its answer.
-pub struct AxisGap<'m> {
-    /// Which axis.
-    pub id: AxisId,
-    /// Its runs.
-    pub problem: Problem<'m>,
-    /// How well the loops alone explain the current.
-    pub controller: Option<Match>,
-    /// What it lacks.
-    pub named: Named,
-    /// In a word.
-    pub verdict: Verdict,
-    /// What is left without a name and is something real.
-    pub rest: Option<Rest>,
-    /// Where it lives: over which coordinates what the base leaves has a shape.
-    pub located: Vec<Located>,
-    /// And in which runs.
-    pub runs_left: Vec<RunLeft>,
-    /// The gap in rms, by signal: before, after, floor; on the rows that were not fitted.
-    pub gap: Vec<SignalGap>,
-    /// What follows from each effect that was named, in their order.
-    pub consequences: Vec<Option<Consequence>>,
-}
-
 impl Problem<'_> {
     /// The same with clocks set as it was found.
     fn as_clocked(&self, named: &Named) -> Self {
@@ -97,20 +44,6 @@ impl Problem<'_> {
             Some(behind_s) => self.with_clocks(behind_s),
             None => self.with_data(self.data.clone()),
         }
-    }
-}
-
-impl AxisGap<'_> {
-    /// It leaves something real.
-    fn leaves(&mut self, rest: Rest) {
-        self.rest = Some(rest);
-        self.verdict = verdict(&self.named, &self.gap, true, self.problem.is_noise_told());
-    }
-
-    /// How its loops see the velocity, where that is not as the machine file says.
-    pub fn other_estimate(&self) -> Option<VelocityEstimate> {
-        let filed = self.problem.machine.axes[self.id].velocity_estimate;
-        self.controller.map(|found| found.velocity_estimate).filter(|seen| *seen != filed)
     }
 }
 

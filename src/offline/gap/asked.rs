@@ -5,24 +5,55 @@
 
 use std::ops::Range;
 
-use super::analysis::GapError;
-use super::clocks::origin_s;
-use super::controller::{Match, OTHER, left_of, resting_a};
-use super::counted;
-use super::counts;
-use super::floor::{self, Hidden};
-use super::forward::{CURRENT, Course, DEFLECTION, FOLLOWING_ERROR, Signals};
-use super::held::{groups, held_groups};
+use thiserror::Error;
+
+use super::measure::controller::{Match, OTHER, left_of, resting_a};
+use super::measure::counted;
+use super::measure::counts;
+use super::measure::floor::{self, Hidden};
+use super::measure::forward::{CURRENT, Course, DEFLECTION, FOLLOWING_ERROR, Signals};
 use super::model::Model;
-use super::motions::{busy, part_of};
-use super::name::Base;
-use super::problem::{AxisData, Problem, SIGNALS};
-use super::repeat::{Repeat, first_pass};
+use super::model::data::AxisData;
+use super::model::problem::{Problem, SIGNALS};
+use super::name::base::Base;
+use super::runs::held::{groups, held_groups};
+use super::runs::motions::{busy, part_of};
+use super::runs::repeat::{Repeat, first_pass};
+use super::runs::sparse::cycles;
 use super::runs::{AxisRun, Run};
-use super::sparse::cycles;
+use super::shortlist::clocks::origin_s;
 use crate::base::axis::AxisId;
 use crate::config::Machine;
 use crate::rt::wire::scaling::TravelCounts;
+
+/// Why there is no analysis.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum GapError {
+    /// The gain set is none of the machine's.
+    #[error("the machine has no gain set \"{name}\"; it has {known}")]
+    NoGains {
+        /// What was asked for.
+        name: String,
+        /// What there is.
+        known: String,
+    },
+    /// The data were made with other gains.
+    #[error(
+        "axis {axis}: the current is that of gain set \"{found}\" and not of \"{asked}\" (what they leave of it: {found_percent:.1} % and {asked_percent:.1} %); give --gains {found}"
+    )]
+    OtherGains {
+        /// Which axis.
+        axis: String,
+        /// What was asked for.
+        asked: String,
+        /// What fits.
+        found: String,
+        /// What the one leaves of the current.
+        found_percent: f64,
+        /// And the other.
+        asked_percent: f64,
+    },
+}
 
 /// What no encoder or drive resolves: m, m, A. Below it two formulations of the same physics differ.
 const LEAST: [f64; SIGNALS.len()] = [2e-9, 2e-9, 2e-3];

@@ -5,8 +5,8 @@
 
 use super::analysis::Analysis;
 use super::model::Model;
-use super::twin::{BRISTLES, bristles_of};
-use super::usual::is_usual;
+use super::model::twin::{BRISTLES, bristles_of};
+use super::model::usual::is_usual;
 use crate::config::Machine;
 use crate::config::edit::{EditError, MachineFile};
 
@@ -117,8 +117,8 @@ fn rounded(value: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::model::Tried;
     use super::*;
+    use crate::offline::gap::model::Tried;
     use crate::plant::effects::entry;
     use crate::plant::tests::paper_axis;
 

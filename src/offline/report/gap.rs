@@ -11,10 +11,11 @@ use super::page::whole;
 use super::{ReportError, put};
 use crate::config::Machine;
 use crate::offline::draw::{polar, residual};
-use crate::offline::gap::analysis::{Analysis, AxisGap};
-use crate::offline::gap::contour::{Contour, point};
+use crate::offline::gap::analysis::Analysis;
 use crate::offline::gap::locate::unit;
-use crate::offline::gap::problem::shown;
+use crate::offline::gap::model::problem::shown;
+use crate::offline::gap::show::answer::AxisGap;
+use crate::offline::gap::show::contour::{Contour, point};
 
 /// Coordinates of an axis that are drawn.
 const DRAWN: usize = 3;
