@@ -36,27 +36,57 @@ pub(super) fn margin(evidence: f64) -> f64 {
 }
 
 /// Whether a candidate explains the fitted rows as well as the best: it may be behind where it judges for not standing at its bottom yet.
-pub(super) fn explains_as_much(candidate: &Candidate, best: &Candidate, rows: usize) -> bool {
+fn explains_as_much(candidate: &Candidate, best: &Candidate, rows: usize) -> bool {
     candidate.fitted.total < best.fitted.total + margin(best.evidence) * scale(best.fitted.cost, rows)
 }
 
 /// Whether a candidate explains so nearly as much that bottoms must tell. Louder noise tells little of which explains most; what nearly every
 /// axis has is as likely as what scales all of the base; and what a scale alone shows moves no table that sticks, so that few steps
 /// fit it where they fit no other.
-pub(super) fn explains_roughly_as_much(candidate: &Candidate, best: &Candidate, is_louder: bool) -> bool {
+fn explains_roughly_as_much(candidate: &Candidate, best: &Candidate, is_louder: bool) -> bool {
     let is_rough = is_louder || candidate.is_usual() || best.is_of_table_scale();
     is_rough && candidate.evidence > (1.0 - ROUGHLY) * best.evidence
 }
 
 /// By how much an explanation must be better than the one that it is with a number less, where the best costs so much.
-pub(super) fn price_of_a_number(cost: f64, rows: usize) -> f64 {
+fn price_of_a_number(cost: f64, rows: usize) -> f64 {
     FURTHER * (rows as f64 * (1.0 - scale(cost, rows).recip())).max(0.0)
 }
 
 /// Whether the last effect of a model is that of another with a number less.
-pub(super) fn is_with_less(model: &Model, other: &Model) -> bool {
+fn is_with_less(model: &Model, other: &Model) -> bool {
     let mut with_less = other.with_last_as_alike().filter(|less| less.numbers() < other.numbers());
     with_less.any(|less| last_of(&less) == last_of(model))
+}
+
+/// What passed every gate, with what is near the best of it.
+pub(super) struct Passed {
+    /// The best first.
+    pub(super) near: Vec<Candidate>,
+    /// The others, the better ones first.
+    pub(super) rest: Vec<Candidate>,
+    /// What has more evidence is near by that alone.
+    pub(super) least: f64,
+}
+
+impl Passed {
+    /// Of candidates, the best first, that were fitted to so many rows, with noise as it is or as loud as what is left.
+    pub(super) fn of(passed: Vec<Candidate>, rows: usize, is_louder: bool) -> Self {
+        let best = passed[0].clone();
+        let least = best.evidence - margin(best.evidence);
+        let doubted = best.evidence - price_of_a_number(best.fitted.cost, rows);
+        let numbers = |candidate: &Candidate| candidate.fitted.model.numbers();
+        let (near, rest) = passed.into_iter().partition(|candidate| {
+            let is_as_good = candidate.evidence > least || explains_as_much(candidate, &best, rows);
+            // What says no more with more numbers is no other explanation.
+            let is_near = is_as_good && numbers(candidate) <= numbers(&best);
+            let is_less =
+                candidate.evidence > doubted && is_with_less(&candidate.fitted.model, &best.fitted.model);
+            let is_roughly = explains_roughly_as_much(candidate, &best, is_louder);
+            is_near || is_less || is_roughly || is_alias(best.name(), candidate.name())
+        });
+        Self { near, rest, least }
+    }
 }
 
 /// A class with how probable each member is. Tempered: what is near a tie is to be told as one, and what no data tell from the best is as

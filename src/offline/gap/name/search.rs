@@ -13,10 +13,8 @@ use tracing::debug;
 
 use super::base::Base;
 use super::look::Look;
-use super::named::{NamedEffect, RunnerUp, is_alias};
-use super::near::{
-    Near, explains_as_much, explains_roughly_as_much, is_with_less, margin, price_of_a_number, weighed,
-};
+use super::named::{NamedEffect, RunnerUp};
+use super::near::{Near, Passed, margin, weighed};
 use super::stand::{Stand, exact};
 use crate::offline::gap::fit::blocks::Blocks;
 use crate::offline::gap::fit::louder::Louder;
@@ -194,21 +192,10 @@ impl<'s, 'm> Search<'s, 'm> {
     fn chosen(&self, passed: Vec<Candidate>, louder: Option<&Louder<'m>>, alone: &Blocks) -> Chosen {
         let Look { search, at, judged, .. } = self.look(louder, alone);
         let Stand { problem, once, model, .. } = &self.stand;
-        let best = passed[0].clone();
-        let (best_name, margin) = (best.name(), margin(best.evidence));
         let rows = problem.count(Part::Fit);
-        // What says no more with more numbers is no other explanation.
-        let count = |candidate: &Candidate| candidate.fitted.model.numbers();
-        let (least, most) = (best.evidence - margin, count(&best));
-        let doubted = best.evidence - price_of_a_number(best.fitted.cost, rows);
-        let (mut near, rest): (Vec<Candidate>, Vec<Candidate>) = passed.into_iter().partition(|candidate| {
-            let is_as_good = candidate.evidence > least || explains_as_much(candidate, &best, rows);
-            let is_near = is_as_good && count(candidate) <= most;
-            let is_less =
-                candidate.evidence > doubted && is_with_less(&candidate.fitted.model, &best.fitted.model);
-            let is_roughly = explains_roughly_as_much(candidate, &best, louder.is_some());
-            is_near || is_less || is_roughly || is_alias(best_name, candidate.name())
-        });
+        let best = passed[0].clone();
+        let (best_name, numbers, margin) = (best.name(), best.fitted.model.numbers(), margin(best.evidence));
+        let Passed { mut near, rest, least } = Passed::of(passed, rows, louder.is_some());
         // What is far was fitted by all ways already.
         let bottom_of = |Candidate { fitted, .. }: &Candidate| {
             let bottom = if self.effects.is_empty() && !explains_much(fitted, at) {
@@ -234,8 +221,7 @@ impl<'s, 'm> Search<'s, 'm> {
         }
         (self.progress)(&format!("{best_name}: is it needed?"));
         // So may what it is with a number less, which begins from its bottom: a few steps do not lead there.
-        let has_less =
-            |other: &Model| other.numbers() < count(&best) && other.last_effect() != Some(best_name);
+        let has_less = |other: &Model| other.numbers() < numbers && other.last_effect() != Some(best_name);
         if best.fitted.model.with_last_as_alike().any(|other| has_less(&other)) {
             near[0].fitted = bottom_of(&near[0]);
             let less: Vec<Model> = near[0].fitted.model.with_last_as_alike().filter(has_less).collect();
