@@ -163,6 +163,57 @@ fn is_whole(end: &Fitted) -> bool {
     end.model.effects.last().is_some_and(|tried| tried.entry.parameters.iter().any(|one| one.is_whole))
 }
 
+/// A candidate, and where its fit ended.
+type Bottom = (Candidate, Fitted);
+
+/// Whether the last effect of a model stands at one of its bounds.
+fn is_at_bound(end: &Fitted) -> bool {
+    end.is_at_bound(end.model.effects.len() - 1)
+}
+
+/// Puts the best explanation first, each effect once: what costs the least by rows and numbers, unless there is one that is to be preferred where
+/// fitted rows hardly tell. `without` is the model without any of them, `held` what one leaves of the rows that judge.
+fn in_order(ends: &mut Vec<Bottom>, without: &Fitted, rows: usize, held: &dyn Fn(&Fitted) -> f64) {
+    let deepest = ends.iter().min_by(|a, b| a.1.total.total_cmp(&b.1.total)).expect("an end");
+    let scale = scale(deepest.1.cost, rows);
+    let price = |end: &Fitted| price(end, scale, rows);
+    ends.sort_by(|a, b| price(&a.1).total_cmp(&price(&b.1)));
+    // Of those that began elsewhere the best.
+    let mut seen = BTreeSet::new();
+    ends.retain(|(candidate, _)| seen.insert(candidate.name()));
+    let doubted = price(&ends[0].1) + price_of_a_number(ends[0].1.cost, rows);
+    let is_doubted =
+        |(_, less): &Bottom| is_with_less(&less.model, &ends[0].1.model) && price(less) < doubted;
+    if let Some(less) = ends.iter().position(is_doubted) {
+        ends[..=less].rotate_right(1);
+    }
+    // At its bound it is on its way to what explains most of it as well.
+    let gained = |end: &Fitted| without.total - end.total;
+    let is_beyond = |(_, end): &Bottom| {
+        let mut alike = ends[0].1.model.with_last_as_alike();
+        !is_at_bound(end)
+            && gained(end) > (1.0 - ROUGHLY) * gained(&ends[0].1)
+            && alike.any(|other| other.last_effect() == end.model.last_effect())
+    };
+    let beyond = if is_at_bound(&ends[0].1) { ends.iter().position(is_beyond) } else { None };
+    if let Some(other) = beyond {
+        ends[..=other].rotate_right(1);
+    }
+    // What rows that judge know better with fewer numbers, and fitted rows do not tell from the best, comes first.
+    let beside = Beside::of(&ends[0].1, without.total - ends[0].1.total, rows, held);
+    let is_simpler = |(_, end): &Bottom| {
+        end.model.numbers() < ends[0].1.model.numbers()
+            && !beside.is_behind(end)
+            && beside.is_ahead_where_judged(end)
+    };
+    // Few waves along the way are as long as a turn of the screw by chance.
+    let is_of_turn = |(_, end): &Bottom| is_whole(end) && !is_whole(&ends[0].1) && beside.behind(end) < 1.0;
+    let first = ends.iter().position(is_simpler).or_else(|| ends.iter().position(is_of_turn));
+    if let Some(first) = first {
+        ends[..=first].rotate_right(1);
+    }
+}
+
 /// Candidates that explain nearly as much as the best, at their bottoms.
 pub(super) struct Near {
     /// The best first.
@@ -184,7 +235,7 @@ impl Near {
         rows: usize,
     ) -> Self {
         let ends: Vec<Fitted> = near.par_iter().map(to_the_bottom).collect();
-        let mut ends: Vec<(Candidate, Fitted)> = near.into_iter().zip(ends).collect();
+        let mut ends: Vec<Bottom> = near.into_iter().zip(ends).collect();
         for (candidate, end) in &ends {
             debug!(
                 name = candidate.name(),
@@ -193,53 +244,12 @@ impl Near {
                 "at its bottom"
             );
         }
-        let deepest = ends.iter().min_by(|a, b| a.1.total.total_cmp(&b.1.total)).expect("an end");
-        let scale = scale(deepest.1.cost, rows);
-        let price = |end: &Fitted| price(end, scale, rows);
-        ends.sort_by(|a, b| price(&a.1).total_cmp(&price(&b.1)));
-        // Of those that began elsewhere the best.
-        let mut seen = BTreeSet::new();
-        ends.retain(|(candidate, _)| seen.insert(candidate.name()));
-        let doubted = price(&ends[0].1) + price_of_a_number(ends[0].1.cost, rows);
-        let is_doubted = |(_, less): &(Candidate, Fitted)| {
-            is_with_less(&less.model, &ends[0].1.model) && price(less) < doubted
-        };
-        if let Some(less) = ends.iter().position(is_doubted) {
-            ends[..=less].rotate_right(1);
-        }
-        // At its bound it is on its way to what explains most of it as well.
-        let gained = |end: &Fitted| without.total - end.total;
-        let is_at_bound = |end: &Fitted| end.is_at_bound(end.model.effects.len() - 1);
-        let is_beyond = |(_, end): &(Candidate, Fitted)| {
-            let mut alike = ends[0].1.model.with_last_as_alike();
-            !is_at_bound(end)
-                && gained(end) > (1.0 - ROUGHLY) * gained(&ends[0].1)
-                && alike.any(|other| other.last_effect() == end.model.last_effect())
-        };
-        let beyond = if is_at_bound(&ends[0].1) { ends.iter().position(is_beyond) } else { None };
-        if let Some(other) = beyond {
-            ends[..=other].rotate_right(1);
-        }
-        // What rows that judge know better with fewer numbers, and fitted rows do not tell from the best, comes first.
-        let beside = Beside::of(&ends[0].1, without.total - ends[0].1.total, rows, held);
-        let is_simpler = |(_, end): &(Candidate, Fitted)| {
-            end.model.numbers() < ends[0].1.model.numbers()
-                && !beside.is_behind(end)
-                && beside.is_ahead_where_judged(end)
-        };
-        // Few waves along the way are as long as a turn of the screw by chance.
-        let is_of_turn = |(_, end): &(Candidate, Fitted)| {
-            is_whole(end) && !is_whole(&ends[0].1) && beside.behind(end) < 1.0
-        };
-        let first = ends.iter().position(is_simpler).or_else(|| ends.iter().position(is_of_turn));
-        if let Some(first) = first {
-            ends[..=first].rotate_right(1);
-        }
+        in_order(&mut ends, without, rows, held);
         let (best, model) = (ends[0].0.name(), ends[0].1.clone());
         let beside = Beside::of(&model, without.total - model.total, rows, held);
         // What no data tell apart ends elsewhere by chance, and so does by a little what was near before, unless rows that judge say so
         // too.
-        let is_apart = |(candidate, end): &(Candidate, Fitted)| {
+        let is_apart = |(candidate, end): &Bottom| {
             // More numbers that say no more are no other explanation.
             let has_more = end.model.numbers() > model.model.numbers();
             let was_far = candidate.evidence <= least || end.cost > PLAIN * model.cost;
@@ -255,7 +265,7 @@ impl Near {
         let is_as_good = |end: &Fitted| {
             is_with_less(&model.model, &end.model)
                 && !is_at_bound(end)
-                && end.total < model.total + NEAR.0 * scale
+                && end.total < model.total + NEAR.0 * beside.scale
         };
         let next = apart.iter().find(|(_, end)| is_as_good(end)).or(apart.first());
         let told_apart = next.map(|(candidate, end)| RunnerUp {
