@@ -82,6 +82,9 @@ pub struct Plant {
     fine_steps: u32,
     force_per_current: f64,
     peak_a: f64,
+    mass_kg: f64,
+    /// Of the table, as the last tick began.
+    table_before: Velocity,
     /// Commands on their way through the dead time, newest first, as forces in N.
     pending_n: [f64; DEAD_TICKS_MAX + 1],
     dead_ticks: usize,
@@ -226,6 +229,8 @@ impl Plant {
             fine_steps,
             force_per_current: axis.actuator.torque_constant_nm_per_a * axis.mechanics.force_per_torque(),
             peak_a: axis.actuator.peak_current.as_a(),
+            mass_kg: axis.mechanics.mass_kg,
+            table_before: Velocity::m_per_s(motion[2]),
             pending_n: [0.0; DEAD_TICKS_MAX + 1],
             dead_ticks,
             filter,
@@ -286,6 +291,7 @@ impl Plant {
     /// returns whether it had to hold the command back.
     pub fn step(&mut self, command: Current) -> bool {
         let held_a = command.as_a().clamp(-self.peak_a, self.peak_a);
+        self.table_before = Velocity::m_per_s(self.body.motion[2]);
         let new_n = held_a * self.force_per_current;
         let Self { early, late, body, acting, bare, tick, pending_n, dead_ticks, filter, .. } = self;
         // Read before they move on: what was written a moment ago would have to be waited for.
@@ -338,7 +344,12 @@ impl Plant {
 
     /// What it does to the axis before it, with its table at a place.
     pub fn neighbour(&self, table: Position) -> Neighbour {
-        Neighbour { table: table + Position::m(self.body.origin_m), force: Force::n(self.body.screw_n()) }
+        let gained_m_per_s = self.body.motion[2] - self.table_before.as_m_per_s();
+        Neighbour {
+            table: table + Position::m(self.body.origin_m),
+            force: Force::n(self.body.screw_n()),
+            accelerating: Force::n(self.mass_kg * gained_m_per_s / self.tick.as_s()),
+        }
     }
 
     /// Whether the next axis does something to it.

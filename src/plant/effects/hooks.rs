@@ -156,6 +156,8 @@ pub struct Neighbour {
     pub table: Position,
     /// Force of its screw on the table.
     pub force: Newtons,
+    /// What of it accelerates that table: friction holds the rest.
+    pub accelerating: Newtons,
 }
 
 /// Most bristles between a table and its guide.

@@ -113,7 +113,7 @@ pub struct Train {
     pub scale: f64,
     /// The same, growing with time.
     pub growth: Growth,
-    /// Share of the other axis' screw force that pushes this table.
+    /// Share of what the other axis crosses with that pushes this table.
     pub pushed: f64,
 }
 
@@ -143,7 +143,7 @@ pub struct Reading {
     pub table: Wave,
     /// Table reading by the other axis' place, rad.
     pub squareness: f64,
-    /// Table reading by the other axis' screw force, m/N.
+    /// Table reading by what the other axis crosses with, m/N.
     pub tilt: f64,
     /// Share by which the measured current is off.
     pub current_gain: f64,
@@ -212,4 +212,6 @@ pub struct Features {
     pub loops: Loops,
     /// What no catalogue has.
     pub strange: Strange,
+    /// The other axis crosses with what accelerates its table, and not with the force of its screw.
+    pub is_crossed_by_inertia: bool,
 }

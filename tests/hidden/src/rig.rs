@@ -97,6 +97,8 @@ struct Station {
     table_noise: Coloured,
     /// Where the scale's head is in its play.
     head: f64,
+    /// What accelerates the table, N, in the mean of the last step.
+    accelerating: f64,
 }
 
 impl Station {
@@ -127,7 +129,13 @@ impl Station {
             torque_noise: Coloured::new(sensors.torque_noise, sensors.torque_noise_time, source),
             current_noise: Coloured::new(sensors.current_noise, sensors.current_noise_time, source),
             head: place,
+            accelerating: 0.0,
         }
+    }
+
+    /// What the axis beside it, with these features, is crossed with, N.
+    fn crosses_with(&self, beside: &Features, t: f64) -> f64 {
+        if beside.is_crossed_by_inertia { self.accelerating } else { self.axis.screw_force(t) }
     }
 
     /// The command that flows in a step that goes from `from` to `to` (both s since the latch), in the mean.
@@ -167,7 +175,7 @@ pub fn run(
         let since = number as f64 * PERIOD;
         let t = conditions.start + since;
         let is_noisy = conditions.noise.is_some();
-        let forces: [f64; 2] = std::array::from_fn(|n| stations[n].axis.screw_force(t));
+        let forces: [f64; 2] = std::array::from_fn(|n| stations[n].crosses_with(&features[1 - n], t));
         let tables: [f64; 2] = std::array::from_fn(|n| stations[n].axis.state()[TABLE]);
         let mut row = Row::default();
         for (n, station) in stations.iter_mut().enumerate() {
@@ -193,7 +201,7 @@ pub fn run(
             let from = part as f64 * step;
             let forces: [f64; 2] = std::array::from_fn(|n| {
                 let is_pushed = features[n].train.pushed != 0.0;
-                if is_pushed { stations[1 - n].axis.screw_force(t + from) } else { 0.0 }
+                if is_pushed { stations[1 - n].crosses_with(&features[n], t + from) } else { 0.0 }
             });
             for (n, station) in stations.iter_mut().enumerate() {
                 let push = Push {
@@ -201,7 +209,10 @@ pub fn run(
                     force: pushes[n].force + features[n].train.pushed * forces[n],
                     ..pushes[n]
                 };
+                let before = station.axis.state()[TABLE_SPEED];
                 station.axis.advance(t + from, step, &push);
+                let gained = station.axis.state()[TABLE_SPEED] - before;
+                station.accelerating = machine.axes[n].plant.mass * gained / step;
             }
         }
     }

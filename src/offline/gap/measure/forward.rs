@@ -230,6 +230,7 @@ fn neighbours(run: &Run, machine: &Machine, id: AxisId) -> Vec<Neighbour> {
             table: Position::m(table_m[row]),
             // What its motor needs for itself is no force of its screw.
             force: motor - Force::n(plant.mechanics.motor_mass_kg() * acceleration_m_per_s2),
+            accelerating: Force::n(plant.mechanics.mass_kg * acceleration_m_per_s2),
         }
     };
     (0..=last).map(of).collect()

@@ -327,10 +327,14 @@ impl Kind {
                 keys.add("angle-um-per-m", reading.squareness * UM);
             }
             Self::CrossCoupling if is_tilt(shape) => {
-                reading.tilt = shape.sign * size * 2e-6 / plant.sliding;
+                own.is_crossed_by_inertia = is_of_inertia(shape);
+                // What accelerates the other table in a circle is a tenth of what holds it.
+                let force = if is_of_inertia(shape) { 0.1 } else { 1.0 } * plant.sliding;
+                reading.tilt = shape.sign * size * 2e-6 / force;
                 keys.add("compliance-um-per-kn", reading.tilt * UM * 1e3);
             }
             Self::CrossCoupling => {
+                own.is_crossed_by_inertia = is_of_inertia(shape);
                 own.train.pushed = shape.sign * size * 0.1;
                 keys.add("share-percent", own.train.pushed * 100.0);
             }
@@ -375,6 +379,11 @@ fn is_in_scale(shape: &Shape) -> bool {
 /// The other axis tilts what carries this scale, instead of pushing this table.
 fn is_tilt(shape: &Shape) -> bool {
     shape.choices[0] < 0.5
+}
+
+/// What the other axis crosses with accelerates its table; its friction is between both.
+fn is_of_inertia(shape: &Shape) -> bool {
+    (0.3..0.7).contains(&shape.choices[1])
 }
 
 fn wave(amplitude: f64, wave: f64, shape: &Shape) -> Wave {
