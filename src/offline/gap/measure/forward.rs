@@ -30,6 +30,9 @@ const FINE_COUNTS_PER_MM: u32 = 100_000_000;
 /// Rows to either side over which acceleration and current of another axis are measured: the noise of single rows would
 /// make the force weaker than it is.
 const SWING_ROWS: usize = 20;
+/// As few as these where noise is no more than a share of what accelerates a table, which slips within a few rows.
+const SLIP_ROWS: [usize; 4] = [2, 5, 10, SWING_ROWS];
+const NOISE_SHARE: f64 = 0.05;
 /// The state at the start is the mean of so many rows, of an axis at rest as long as its setpoint stays within that of
 /// the first row, m.
 const START_ROWS: usize = 16;
@@ -214,26 +217,52 @@ fn neighbours(run: &Run, machine: &Machine, id: AxisId) -> Vec<Neighbour> {
     let plant = &machine.axes[next].plant;
     let table_m = axis.table_m.as_ref().unwrap_or(&axis.position_m);
     let last = table_m.len() - 1;
+    let slip_rows = slip_rows(table_m, run.period_s);
     let mut sums_a = vec![0.0];
     for current_a in &axis.current_a {
         sums_a.push(sums_a[sums_a.len() - 1] + current_a);
     }
     let of = |row: usize| {
         let [from, to] = [row.saturating_sub(SWING_ROWS), (row + SWING_ROWS).min(last)];
-        let middle = usize::midpoint(from, to);
-        let side_s = 0.5 * (to - from).max(1) as f64 * run.period_s;
-        let [before, here, after] = [from, middle, to].map(|row| axis.position_m[row]);
-        let acceleration_m_per_s2 = (before - 2.0 * here + after) / (side_s * side_s);
+        let of_motor_m_per_s2 = acceleration_m_per_s2(&axis.position_m, run.period_s, row, SWING_ROWS);
+        let of_table_m_per_s2 = acceleration_m_per_s2(table_m, run.period_s, row, slip_rows);
         let mean_a = (sums_a[to + 1] - sums_a[from]) / (to + 1 - from) as f64;
         let motor = plant.mechanics.force_of_torque(plant.actuator.torque(Current::a(mean_a)));
         Neighbour {
             table: Position::m(table_m[row]),
             // What its motor needs for itself is no force of its screw.
-            force: motor - Force::n(plant.mechanics.motor_mass_kg() * acceleration_m_per_s2),
-            accelerating: Force::n(plant.mechanics.mass_kg * acceleration_m_per_s2),
+            force: motor - Force::n(plant.mechanics.motor_mass_kg() * of_motor_m_per_s2),
+            accelerating: Force::n(plant.mechanics.mass_kg * of_table_m_per_s2),
         }
     };
     (0..=last).map(of).collect()
+}
+
+/// Of a column of places about a row, over so many rows to either side.
+fn acceleration_m_per_s2(column: &[f64], period_s: f64, row: usize, rows: usize) -> f64 {
+    let [from, to] = [row.saturating_sub(rows), (row + rows).min(column.len() - 1)];
+    let side_s = 0.5 * (to - from).max(1) as f64 * period_s;
+    let [before, here, after] = [from, usize::midpoint(from, to), to].map(|row| column[row]);
+    (before - 2.0 * here + after) / (side_s * side_s)
+}
+
+/// Rows to either side over which the acceleration of a table is measured: the fewest in which noise of its scale is little of it.
+fn slip_rows(column: &[f64], period_s: f64) -> usize {
+    let mut third: Vec<f64> =
+        column.windows(4).map(|four| (four[3] - 3.0 * four[2] + 3.0 * four[1] - four[0]).abs()).collect();
+    let ninth = third.len() * 9 / 10;
+    if ninth == third.len() {
+        return SWING_ROWS;
+    }
+    // Of normal noise nine tenths are within 1.645 deviations, and a third difference has 20 times its variance; one in ten rows may slip.
+    let noise_m = *third.select_nth_unstable_by(ninth, f64::total_cmp).1 / (1.645 * 20.0_f64.sqrt());
+    let all = (0..column.len()).map(|row| acceleration_m_per_s2(column, period_s, row, SWING_ROWS).powi(2));
+    let moves_m_per_s2 = (all.sum::<f64>() / column.len() as f64).sqrt();
+    let is_little = |rows: &usize| {
+        let side_s = *rows as f64 * period_s;
+        6.0_f64.sqrt() * noise_m / (side_s * side_s) < NOISE_SHARE * moves_m_per_s2
+    };
+    SLIP_ROWS.into_iter().find(is_little).unwrap_or(SWING_ROWS)
 }
 
 /// An axis whose encoders resolve everything. Counts of the simulation are no more those of the measurement than its
@@ -289,5 +318,21 @@ mod tests {
         let made = course.run(&without_counts(x), machine.cycle.position_every, 0, &x.plant);
         let furthest = made.following_error_m.iter().fold(0.0, |far: f64, error| far.max(error.abs()));
         assert!(furthest < count_m, "it is taken to slide, and jumps by {} um", 1e6 * furthest);
+    }
+
+    #[test]
+    fn a_slip_is_seen_where_noise_lets_it() {
+        // 0.4 m/s^2 in a circle, and a slip of 20 ms in which a table makes up for 2 um, by encoders of 1 nm, 0.5 and 2 um.
+        let place = |row: usize, count_m: f64| {
+            let t = row as f64 * 5e-4;
+            let circle_m = 0.01 * (1.0 - (6.3 * t).cos());
+            ((circle_m + 2e-6 * ((t - 1.0) / 0.02).clamp(0.0, 1.0)) / count_m).round() * count_m
+        };
+        let rows = |count_m: f64| {
+            let column: Vec<f64> = (0..4_000).map(|row| place(row, count_m)).collect();
+            slip_rows(&column, 5e-4)
+        };
+        assert_eq!([1e-9, 5e-7, 2e-6].map(rows), [2, 10, 20]);
+        assert_eq!(slip_rows(&[0.0; 3], 5e-4), SWING_ROWS);
     }
 }
