@@ -220,12 +220,17 @@ impl<'s, 'm> Search<'s, 'm> {
             near.push(as_near(fit(search, &twin, Effort::Coarse(ITERATIONS[1]), None)));
         }
         (self.progress)(&format!("{best_name}: is it needed?"));
-        // So may what it is with a number less, which begins from its bottom: a few steps do not lead there.
-        let has_less = |other: &Model| other.numbers() < numbers && other.last_effect() != Some(best_name);
-        if best.fitted.model.with_last_as_alike().any(|other| has_less(&other)) {
-            near[0].fitted = bottom_of(&near[0]);
-            let less: Vec<Model> = near[0].fitted.model.with_last_as_alike().filter(has_less).collect();
-            near.extend(less.iter().map(|less| as_near(fit(problem, less, Effort::Fine, None))));
+        // So may what changes much the same with a number less, or as many where nothing was named before: it begins from its bottom, for a few
+        // steps do not lead there.
+        let most = if self.effects.is_empty() { numbers } else { numbers - 1 };
+        let is_no_more = |other: &Model| other.numbers() <= most && other.last_effect() != Some(best_name);
+        if best.fitted.model.with_last_as_alike().any(|other| is_no_more(&other)) {
+            let bottom = bottom_of(&near[0]);
+            let alike: Vec<Model> = bottom.model.with_last_as_alike().filter(is_no_more).collect();
+            if alike.iter().any(|other| other.numbers() < numbers) {
+                near[0].fitted = bottom;
+            }
+            near.extend(alike.iter().map(|other| as_near(fit(problem, other, Effort::Fine, None))));
         }
         let held = |fitted: &Fitted| Blocks::new(problem, &fitted.model).cost();
         let Near { mut class, model: bottom, told_apart } =
