@@ -1,4 +1,4 @@
-//! What is said in the end of effects that nearly every axis has a little of ([`crate::offline::gap::model::usual`]): which of them are named.
+//! What is said in the end of effects that nearly every axis has a little of ([`usual`](crate::offline::gap::model::usual)): which are named.
 //!
 //! What of them is not sure stays with the base.
 //! Invariant: in the end effects with a name come first, in the order of their names.
